@@ -6,7 +6,9 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterator, Sequence
+from html import unescape
 from pathlib import Path
+from urllib.parse import unquote
 
 import pandas as pd
 import pytest
@@ -16,7 +18,10 @@ from auvident.pipeline.campaign import (
     OPTION_NAMES,
     CampaignPlan,
     arguments_of,
+    gathered,
+    in_one_plane,
     options_of,
+    refuse_among_logs,
     refuse_changes,
     run_campaign,
 )
@@ -26,8 +31,15 @@ from auvident.pipeline.left_out_runs import left_out_errors
 from auvident.pipeline.observer import Observer
 from auvident.pipeline.pooling import date_of, logs_behind, pool_runs, refuse_change
 from auvident.pipeline.predict import find_model
+from auvident.report.campaign_page import render_campaign
 from auvident.schema.artifacts import IdentifiedModel
-from auvident.schema.campaign import Campaign, CampaignResult, CampaignVehicleResult, RunOptions
+from auvident.schema.campaign import (
+    Campaign,
+    CampaignResult,
+    CampaignTrial,
+    CampaignVehicleResult,
+    RunOptions,
+)
 from auvident.schema.changes import Changes, VehicleChange
 from auvident.storage.artifacts import sha256_of
 from auvident.storage.campaign_file import PlannedTrial, read_campaign, trials_in_folders
@@ -186,6 +198,74 @@ def test_the_output_is_read_by_others(plan: CampaignPlan) -> None:
     queries_of_the_docs(plan.output)
 
 
+def test_a_report_is_linked_whatever_its_trial_is_called() -> None:
+    names = ("leg #2 (50%)", "a&b", "run:3")
+    trials = tuple(
+        CampaignTrial(vehicle="boat", trial=n, log=n, run=n, state="done") for n in names
+    )
+    long = "the log's rudder sign contradicts " + 30 * "what the vehicle file says " + "of it"
+    vehicle = CampaignVehicleResult(
+        name="boat", plane="horizontal", repeat=({"trial": "a&b", "why": long},)
+    )
+    result = CampaignResult(program_version="0", trials=trials, vehicles=(vehicle,))
+    page = render_campaign(result, {})
+    links = [unquote(link) for link in re.findall(r'href="([^#"]+)"', page)]
+    assert links == [f"boat/{n}/report/report.html" for n in names]
+    assert "#2" not in re.sub(r">[^<]*<", "", page)
+    assert unescape(page).count(long) == 1  # the whole of it
+
+
+def test_days_of_dives_beside_days_of_turns_keep_nobody_from_being_pooled(
+    demo: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    dive = demo.parent / "dive"
+    shutil.copytree(demo, dive)
+    monkeypatch.setattr(
+        "auvident.pipeline.campaign.planes_of",
+        lambda run: ("vertical",) if run.path == dive else ("horizontal",),
+    )
+    trials = [planned("runs", n, "sample_logs/harbour_trial") for n in ("demo", "dive")]
+    plan = CampaignPlan(demo.parents[1], trials)
+    rows = {
+        f"runs/{t.name}": CampaignTrial(
+            vehicle="runs", trial=t.name, log="", run=str(plan.run_of(t)), state="up to date"
+        )
+        for t in trials
+    }
+    result = gathered(plan, rows, Observer()).result
+    (first, second), (vehicle,) = result.trials, result.vehicles
+    assert (first.pooled, second.pooled, vehicle.pooled, vehicle.problem) == (True, False, 1, "")
+    assert second.reason.startswith("its model is of the vertical plane, those that are pooled")
+    assert [r["trial"] for r in vehicle.repeat] == ["dive"]
+
+
+@pytest.mark.parametrize(
+    ("planes", "pooled", "apart"),
+    [
+        ("hv", "horizontal", "b"),
+        ("hvv", "vertical", "a"),
+        ("bvv", "vertical", ""),
+        ("b", "horizontal", ""),
+    ],
+)
+def test_the_plane_that_most_trials_have_is_pooled(
+    tmp_path: Path, planes: str, pooled: str, apart: str
+) -> None:
+    """h: turns, v: dives, b: both."""
+    first = {"h": "horizontal", "v": "vertical", "b": "horizontal"}
+    rows = []
+    for name, plane in zip("abc", planes, strict=False):
+        stage = tmp_path / name / "identify"
+        (stage / "vertical").mkdir(parents=True)
+        (stage / "model.json").write_text(json.dumps({"plane": first[plane]}))
+        if plane == "b":
+            (stage / "vertical" / "model.json").write_text("{}")
+        run = str(tmp_path / name)
+        rows.append(CampaignTrial(vehicle="boat", trial=name, log="", run=run, state="done"))
+    plane, why = in_one_plane(rows)
+    assert (plane, "".join(why)) == (pooled, apart)
+
+
 def queries_of_the_docs(output: Path) -> None:
     """The examples of docs/campaigns.md, on this output."""
     text = (ROOT / "docs" / "campaigns.md").read_text()
@@ -315,11 +395,52 @@ def test_a_campaign_file_names_vehicles_trials_and_options(tmp_path: Path) -> No
         (VEHICLE.replace('"boat.toml"', '"/etc/boat.toml"'), "outside the folder"),
         (VEHICLE + "colour = 1\n", "unknown key"),
         (VEHICLE.replace('"boat"', '"../boat"'), "name"),
+        (VEHICLE.replace("boat.toml", "baot.toml"), "baot.toml: no such file"),
+        (VEHICLE + 'map = "map.toml"\n', "map.toml: no such file"),
+        (VEHICLE + '[vehicle.run]\nplan = "nonesuch"\n', "there is no such plan"),
+        ('[run]\nplan = "own.toml"\n' + VEHICLE, "own.toml: no such file"),
+        (VEHICLE.replace('["logs/*"]', "[]"), "trials: is an empty list\n"),
+        (VEHICLE.replace('["logs/*"]', '"logs/*"'), "trials: is a list: write \\[...\\]"),
     ],
 )
 def test_what_is_wrong_in_a_campaign_file_is_told(tmp_path: Path, text: str, problem: str) -> None:
     with pytest.raises(InputError, match=problem):
         read_campaign(written(tmp_path, text))
+
+
+def test_a_plan_stands_beside_the_campaign_file(tmp_path: Path) -> None:
+    """Wherever the program is called from; the plans of the program are known by name."""
+    file = written(tmp_path, '[run]\nplan = "own.toml"\n' + VEHICLE)
+    (tmp_path / "own.toml").write_text('name = "own"\ncontinues = "together"\n')
+    assert {t.options.plan for t in read_campaign(file)[1]} == {str(tmp_path / "own.toml")}
+    file.write_text('[run]\nplan = "likely"\n' + VEHICLE)
+    assert {t.options.plan for t in read_campaign(file)[1]} == {"likely"}
+
+
+def test_results_among_the_logs_are_no_trials(tmp_path: Path) -> None:
+    """Those of this campaign, of one that went to another folder, and a run."""
+    file = written(tmp_path, VEHICLE)
+    logs = tmp_path / "logs"
+    (logs / "here" / "boat").mkdir(parents=True)
+    (logs / "before").mkdir()
+    (logs / "before" / "campaign.json").write_text("{}")
+    (logs / "run").mkdir()
+    (logs / "run" / "run.json").write_text('{"schema": "auvident/run/1"}')
+    assert [t.name for t in read_campaign(file, logs / "here")[1]] == ["a", "b"]
+
+
+def test_a_file_is_a_trial_by_all_of_its_name(tmp_path: Path) -> None:
+    file = written(tmp_path, VEHICLE.replace("logs/*", "logs/*.csv.gz"))
+    for day in ("2026.05.09", "2026.05.10"):
+        (tmp_path / "logs" / f"{day}.csv.gz").write_text("")
+    assert [t.name for t in read_campaign(file)[1]] == ["2026.05.09", "2026.05.10"]
+
+
+def test_a_run_in_the_folder_of_its_log_is_refused_once() -> None:
+    trials = [planned("logs", "a", "out/logs/a"), planned("logs", "b", "out/logs/b")]
+    with pytest.raises(UsageError, match="run of logs/a would stand in the folder of its log"):
+        refuse_among_logs(CampaignPlan(Path("out"), trials))
+    refuse_among_logs(CampaignPlan(Path("other"), trials))
 
 
 def test_what_a_campaign_cannot_be_made_of_is_told(demo: Path) -> None:

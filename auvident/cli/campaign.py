@@ -21,7 +21,9 @@ FALSE_ALARMS = click.option(
     "  [default: 0.01]",
 )
 FAIL_ON_CHANGE = click.option(
-    "--fail-on-change", is_flag=True, help="Exit with code 1 if the vehicle changed."
+    "--fail-on-change",
+    is_flag=True,
+    help="Exit with code 1 if the vehicle changed, or its last trial fits no other.",
 )
 KEEP = click.option(
     "--keep", is_flag=True, help="Also pool trials that fit no other; they are only named."
@@ -184,7 +186,7 @@ def _plan(
     allow_outside: bool,
 ) -> "CampaignPlan":
     """What is to be done, by the file or the folders."""
-    from auvident.pipeline.campaign import CampaignPlan, refuse_empty
+    from auvident.pipeline.campaign import CampaignPlan, refuse_among_logs, refuse_empty
     from auvident.schema.campaign import Campaign, RunOptions
     from auvident.storage.campaign_file import read_campaign, trials_in_folders
 
@@ -193,13 +195,13 @@ def _plan(
         raise click.UsageError("Give either one campaign file or folders (with --vehicle).")
     declared: Campaign | None = None
     if files:
-        declared, trials = read_campaign(files[0])
+        declared, trials = read_campaign(files[0], folder)
     else:
         trials = trials_in_folders(sources, vehicle, RunOptions())  # type: ignore[call-arg]
     refuse_empty(trials)
     own = declared.campaign if declared else None
     rate = own.false_alarms if own else 0.01
-    return CampaignPlan(
+    plan = CampaignPlan(
         folder,
         trials,
         jobs or (own.jobs if own else None),
@@ -207,3 +209,5 @@ def _plan(
         allow_outside,
         seed or 0,
     )
+    refuse_among_logs(plan)
+    return plan

@@ -11,7 +11,8 @@ from auvident.errors import AuvidentError, GateError, InputError, NumericsError,
 from auvident.pipeline.campaign_jobs import Job, JobDone, JobRunner, LocalProcesses, processors
 from auvident.pipeline.freshness import is_of_this_run
 from auvident.pipeline.observer import Observer
-from auvident.pipeline.pooling import PooledRuns, date_of, pool_runs
+from auvident.pipeline.planes import planes_of
+from auvident.pipeline.pooling import PooledRuns, alarms, date_of, pool_runs
 from auvident.pipeline.predict import find_model
 from auvident.pipeline.remedies import FLAGS
 from auvident.pipeline.run import up_to_date
@@ -22,14 +23,15 @@ from auvident.schema.campaign import (
     CampaignVehicleResult,
     RunOptions,
 )
+from auvident.schema.planes import PLANES, Plane
 from auvident.storage.artifacts import json_bytes, parquet_bytes, read_json, write_bytes
-from auvident.storage.campaign_file import PlannedTrial
+from auvident.storage.campaign_file import RESULT, PlannedTrial
 from auvident.storage.run_directory import RunDirectory
 
 if TYPE_CHECKING:
     import pandas as pd
 
-RESULT, PAGE = "campaign.json", "campaign.html"
+PAGE = "campaign.html"
 METRICS, COMPARISON = "validate/metrics.json", "refine/comparison.json"
 POOLED, CHANGES = "pooled.json", "changes.json"
 MOSTLY = 0.5  # share of the data from which on a coefficient is said to come from them
@@ -235,7 +237,10 @@ def gathered(
         if found is not None:
             pooled[name] = found
             of = {t.trial: t for t in found.model.pooling.trials}
-            rows |= {f"{name}/{r.trial}": _judged(r, of.get(r.trial)) for r in own}
+            why = {str(row["trial"]): str(row["why"]) for row in of_vehicle.repeat}
+            rows |= {
+                f"{name}/{r.trial}": _judged(r, of.get(r.trial), why.get(r.trial, "")) for r in own
+            }
     result = CampaignResult(
         program_version=__version__, trials=tuple(rows.values()), vehicles=tuple(vehicles)
     )
@@ -280,10 +285,10 @@ def _comparison(run: Path) -> dict[str, Any]:
     return read_json(run / COMPARISON) if (run / COMPARISON).exists() else {}
 
 
-def _judged(row: CampaignTrial, found: Any) -> CampaignTrial:
-    """A row with how it fits the others of its vehicle."""
+def _judged(row: CampaignTrial, found: Any, why: str) -> CampaignTrial:
+    """A row with how it fits the others of its vehicle, or why it is not held against them."""
     if found is None:
-        return row
+        return row if row.state == "failed" else row.model_copy(update={"reason": why})
     fits = (found.square / found.directions) ** 0.5 if found.directions else None
     return row.model_copy(update={"fits": fits, "pooled": found.used, "reason": found.reason})
 
@@ -302,8 +307,12 @@ def _vehicle(
             name=name, plane="", trials=len(rows), problem=problem, repeat=tuple(failed)
         )
     try:
+        plane, apart = in_one_plane(told)
         found = pool_runs(
-            [Path(r.run) for r in told], false_alarms=plan.false_alarms, seed=plan.seed
+            [Path(r.run) for r in told if r.trial not in apart],
+            plane=plane,
+            false_alarms=plan.false_alarms,
+            seed=plan.seed,
         )
     except AuvidentError as error:
         _remove_earlier(folder)
@@ -327,8 +336,23 @@ def _vehicle(
         summary=seen(found.model),
         changes=found.changes,
         findings=found.model.findings,
-        repeat=(*failed, *_to_repeat(found)),
+        repeat=(*failed, *_to_repeat(found), *({"trial": t, "why": w} for t, w in apart.items())),
     )
+
+
+def in_one_plane(rows: Sequence[CampaignTrial]) -> tuple[Plane, dict[str, str]]:
+    """The plane that most trials have a model of, and why each of the others is not pooled.
+
+    Days of turns and days of dives stand beside each other in many seasons; neither is pooled
+    with the other, and neither keeps the other from being pooled.
+    """
+    planes = {r.trial: planes_of(RunDirectory(Path(r.run))) for r in rows}
+    plane = max(PLANES, key=lambda p: sum(p in found for found in planes.values()))
+    return plane, {
+        trial: f"its model is of the {found[0]} plane, those that are pooled of the {plane} plane"
+        for trial, found in planes.items()
+        if plane not in found
+    }
 
 
 def _remove_earlier(folder: Path) -> None:
@@ -428,11 +452,9 @@ def refuse_changes(result: CampaignResult) -> None:
     Raises
     ------
     GateError
-        A vehicle changed, with what.
+        A vehicle changed, with what; or its last trial fits no other.
     """
-    told = [
-        f"{v.name}: {c.sentence}" for v in result.vehicles if v.changes for c in v.changes.changes
-    ]
+    told = [f"{v.name}: {text}" for v in result.vehicles if v.changes for text in alarms(v.changes)]
     if told:
         raise GateError("; ".join(told), "", "See the campaign page.")
 
@@ -441,3 +463,19 @@ def refuse_empty(trials: Sequence[PlannedTrial]) -> None:
     """Refuse a campaign without a trial."""
     if not trials:
         raise UsageError("there is no trial", "", "Give a campaign file or folders of trials.")
+
+
+def refuse_among_logs(plan: CampaignPlan) -> None:
+    """Refuse an output in which the run of a trial would stand in the folder of its log.
+
+    Raises
+    ------
+    UsageError
+    """
+    for trial in plan.trials:
+        if plan.run_of(trial).resolve() == trial.log.resolve():
+            raise UsageError(
+                f"the run of {_key(trial)} would stand in the folder of its log",
+                str(plan.output),
+                "Give another folder to --output.",
+            )

@@ -28,7 +28,7 @@ def compare_runs(paths: Sequence[Path]) -> dict[str, Any]:
     Parameters
     ----------
     paths : sequence of Path
-        Run directories with an identified model.
+        Run directories with an identified model, or files of models, which have no errors.
 
     Returns
     -------
@@ -85,7 +85,12 @@ def _compared(paths: Sequence[Path], plane: str | None) -> dict[str, Any]:
 
 
 def _held_out(path: Path, model_file: Path) -> dict[str, Any]:
-    """Maneuvers that validate, and pooled errors by channel; empty before `validate`."""
+    """Maneuvers that validate, and pooled errors by channel; empty before `validate`.
+
+    A model by itself (a pooled one, a copy) has none.
+    """
+    if not path.is_dir():
+        return {"maneuvers": [], "channels": {}}
     given = Given(RunDirectory(path), planes=PLANES)
     given = given.within(PLANES[model_file.parent.name == BESIDE])
     if model_file == given.run / given.place(REFINED):

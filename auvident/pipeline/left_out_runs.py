@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from auvident.errors import UsageError
+from auvident.errors import InputError, UsageError
 from auvident.pipeline.given import Given
-from auvident.pipeline.pooling import logs_behind, logs_of
+from auvident.pipeline.pooling import logs_of
 from auvident.pipeline.predict import find_model
 from auvident.schema.changes import LeftOutTrialError
 from auvident.schema.effects import BY_ID
@@ -27,14 +27,21 @@ def left_out_errors(model: "PooledModel", targets: Sequence[Path]) -> list[LeftO
 
     Raises
     ------
+    InputError
+        A run is of another vehicle, with what differs.
     UsageError
         A run, or a log of it, went into the pooled model.
     """
+    from auvident.stages.pool.collect import other_vehicle
+
     pooled = [Path(t.file) for t in model.pooling.trials if t.used]
-    logs = _logs_behind(pooled)
+    logs = {digest for t in model.pooling.trials if t.used for digest in t.logs}
     found = []
     for target in targets:
         path, own = find_model(target, model.plane)
+        if differs := next(other_vehicle(model, own), ""):
+            problem = f"is not of the vehicle of the pooled model: {differs}"
+            raise InputError(problem, str(target), LEFT_OUT)
         if path.resolve() in [file.resolve() for file in pooled]:
             raise UsageError("went into the pooled model", str(target), LEFT_OUT)
         again = [name for digest, name in logs_of(target).items() if digest in logs]
@@ -43,12 +50,6 @@ def left_out_errors(model: "PooledModel", targets: Sequence[Path]) -> list[LeftO
             raise UsageError(what, str(target), LEFT_OUT)
         found += _errors(target, with_own(model, own), own)
     return found
-
-
-def _logs_behind(files: Sequence[Path]) -> set[str]:
-    """Hashes of the logs that models were identified from, as far as their runs tell them."""
-    there = [file for file in files if file.is_file()]
-    return {digest for file in there for digest in logs_behind(file, find_model(file)[1])}
 
 
 def with_own(model: "PooledModel", own: "IdentifiedModel") -> "IdentifiedModel":

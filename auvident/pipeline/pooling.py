@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from auvident.errors import GateError, InputError
 from auvident.pipeline.predict import VEHICLE, find_model
 from auvident.pipeline.remedies import made_again, run_around
+from auvident.schema.pooled import POOLED
 from auvident.storage.artifacts import json_bytes, read_json, read_model, write_bytes
 from auvident.storage.run_directory import MANIFEST, RunDirectory
 
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 
 QUALITY, MANEUVERS = "ingest/quality.json", "segment/maneuvers.json"
 SAME_FILE = "Pool trials that were run with the same vehicle file; leave the others out."
+ANOTHER = "See to the vehicle and to the log; another trial tells whether the vehicle changed."
 SHOWN = 3  # keys that differ
 ALONG = "along.json"  # beside the model that a run ends with
 
@@ -57,7 +59,8 @@ def pool_runs(
     seed : int
         Of the series drawn where nothing changes.
     names : mapping, optional
-        What to call the trials; without it as their folders.
+        What to call the trials; without it as their folders, with what is above these where two
+        have one name.
 
     Raises
     ------
@@ -72,7 +75,8 @@ def pool_runs(
     from auvident.stages.pool.changes import FALSE_ALARMS
 
     _refuse_other_files(targets)
-    trials = in_order([_trial(t, plane, (names or {}).get(t, t.name)) for t in targets])
+    called = told_apart(targets) if names is None else [names.get(t, t.name) for t in targets]
+    trials = in_order([_trial(t, plane, n) for t, n in zip(targets, called, strict=True)])
     result = pool(trials, keep=keep)
     rate = FALSE_ALARMS if false_alarms is None else false_alarms
     changes = changes_of(result, np.random.default_rng(seed), rate)
@@ -84,6 +88,23 @@ def in_order(trials: "Sequence[PoolTrial]") -> "list[PoolTrial]":
     if not all(t.date for t in trials):
         return list(trials)
     return sorted(trials, key=lambda t: datetime.fromisoformat(t.date))
+
+
+def told_apart(paths: Sequence[Path]) -> list[str]:
+    """The last parts of paths, as many as tell those of different places apart."""
+    places = [path.resolve() for path in paths]
+    names = [path.name or place.name for path, place in zip(paths, places, strict=True)]
+    for parts in range(2, max((len(place.parts) for place in places), default=0)):
+        of: dict[str, set[Path]] = {}
+        for name, place in zip(names, places, strict=True):
+            of.setdefault(name, set()).add(place)
+        if all(len(own) == 1 for own in of.values()):
+            break
+        names = [
+            name if len(of[name]) == 1 else Path(*place.parts[-parts:]).as_posix()
+            for name, place in zip(names, places, strict=True)
+        ]
+    return names
 
 
 def _trial(target: Path, plane: str | None, name: str) -> "PoolTrial":
@@ -106,9 +127,14 @@ def _with_small_effects(path: Path, model: "IdentifiedModel") -> "IdentifiedMode
 def logs_behind(file: Path, model: "IdentifiedModel") -> dict[str, str]:
     """Trials that a model was identified from, by the hash of the log of their gyro.
 
-    The noise of a gyro is that of one trial alone; a file of orders may be that of many. Empty for
-    a model outside of a run directory.
+    The noise of a gyro is that of one trial alone; a file of orders may be that of many. A pooled
+    model says itself which went into it; empty for another one outside of a run directory.
     """
+    if model.plan == POOLED:
+        from auvident.schema.pooled import PooledModel
+
+        used = [t for t in read_model(file, PooledModel).pooling.trials if t.used]
+        return {digest: log for t in used for digest, log in t.logs.items()}
     run = run_around(file)
     if run is None or not (run / QUALITY).exists() or not (run / MANEUVERS).exists():
         return {}
@@ -205,11 +231,19 @@ def refuse_change(changes: "Changes") -> None:
     Raises
     ------
     GateError
-        Something changed, with what.
+        Something changed, with what; or the last trial fits no other.
     """
     if changes.changes:
         raise GateError(
-            "; ".join(change.sentence for change in changes.changes),
+            "; ".join(alarms(changes)),
             changes.vehicle,
             f"Probability of such an alarm where nothing changed: {changes.false_alarms:g}.",
         )
+    if changes.left_out_last:
+        raise GateError(changes.left_out_last, changes.vehicle, ANOTHER)
+
+
+def alarms(changes: "Changes") -> list[str]:
+    """What keeps the gate from being met: changes, and a last trial that fits no other."""
+    last = [changes.left_out_last] if changes.left_out_last else []
+    return [*(change.sentence for change in changes.changes), *last]

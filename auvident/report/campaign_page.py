@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
 
 from auvident import __version__
 from auvident.report import tables_campaign as tables
@@ -41,7 +42,7 @@ def render_campaign(result: CampaignResult, models: Mapping[str, PooledModel]) -
         vehicles=vehicles,
         trials=len(result.trials),
         failed=sum(t.state == "failed" for t in result.trials),
-        repeats=tables.repeats(result),
+        repeats=tables.repeats(result, whole=True),
     )
 
 
@@ -74,7 +75,10 @@ def _vehicle(
         "changes": tables.changes(found) if found and found.changes else None,
         "figure": _drawn(found),
         "parameters": tables.pooled_parameters(model) if model else None,
-        "findings": vehicle.findings,
+        "findings": [
+            *vehicle.findings,
+            *(f for f in (found.findings if found else ()) if f not in vehicle.findings),
+        ],
         "heads": ("trial", "began", "result", *(f"NRMSE {c}" for c in channels), "from data",
                   "distance", "pooled"),
         "lines": [_line(t, channels) for t in own],
@@ -93,7 +97,7 @@ def _drawn(found: Any) -> "Markup | str":
 
 def _line(t: Any, channels: Sequence[str]) -> TrialLine:
     failed = t.state == "failed"
-    address = "" if failed else f"{t.vehicle}/{t.trial}/report/report.html"
+    address = "" if failed else quote(f"{t.vehicle}/{t.trial}/report/report.html")
     return TrialLine(
         address,
         (

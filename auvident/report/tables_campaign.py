@@ -176,11 +176,15 @@ def shortened(text: str) -> str:
     return text if len(text) <= LONGEST else f"{text[:LONGEST].rsplit(' ', 1)[0]} ..."
 
 
-def repeats(result: CampaignResult) -> Table:
-    """Which trials to look at or to repeat, and why: not each of them has to go to sea again."""
+def repeats(result: CampaignResult, whole: bool = False) -> Table:
+    """Which trials to look at or to repeat, and why: not each of them has to go to sea again.
+
+    ``whole`` has the reasons to their end, where a page has the room.
+    """
+    told = str if whole else shortened
     heads = (*columns(("vehicle", "trial")), Column("why"))
     rows: Rows = [
-        [v.name, str(row["trial"]), shortened(str(row["why"]))]
+        [v.name, str(row["trial"]), told(str(row["why"]))]
         for v in result.vehicles
         for row in v.repeat
     ]

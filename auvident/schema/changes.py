@@ -63,7 +63,8 @@ class Changes(Artifact):
 
     ``false_alarms`` is the probability of one change or more where there is none, all ``tests``
     together; ``threshold`` the standardised score that chance reaches with it. ``series`` has every
-    quantity that was tested, over the trials.
+    quantity that was tested, over the trials. ``left_out_last`` is why the last trial fits no
+    other, where it does not: nobody can say yet whether the vehicle changed before it.
     """
 
     schema_: str = Field(default="auvident/changes/1", alias="schema")
@@ -77,4 +78,5 @@ class Changes(Artifact):
     tests: int = 0
     changes: tuple[VehicleChange, ...] = ()
     series: dict[str, tuple[SeriesPoint, ...]] = {}
+    left_out_last: str = ""
     findings: tuple[Finding, ...] = ()

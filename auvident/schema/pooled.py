@@ -5,6 +5,8 @@ from pydantic import Field
 from auvident.schema.artifacts import IdentifiedModel
 from auvident.schema.base import Artifact
 
+POOLED = "pooled"  # in place of the name of a plan
+
 
 class PooledValue(Artifact):
     """Value and standard deviation of a parameter of one trial, in the unit of its table."""
@@ -20,12 +22,13 @@ class PooledTrial(Artifact):
     ``square`` is its distance from the others together, a chi-square in ``directions`` that it
     sees, ``p`` the probability of a larger one. ``own`` has its own water, ballast and clocks;
     ``shrunk`` its coefficients as it and the others have them together. ``reason`` says why it was
-    left out.
+    left out, ``logs`` are those behind its model, by the hash of the file with their gyro.
     """
 
     trial: str
     date: str = ""
     file: str = ""
+    logs: dict[str, str] = {}
     maneuvers: int = 0
     used: bool = True
     reason: str = ""

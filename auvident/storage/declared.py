@@ -22,7 +22,7 @@ DOTTED_KEY = re.compile(
     r"""(?<![\w-])(?:(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*){""" + f"{MOST_LEVELS}}}"
 )
 MOST_FAULTS = 10  # of one file in a message
-LIST_ASKED_FOR = ("tuple_type", "list_type")  # faults of pydantic
+LIST_ASKED_FOR, TOO_SHORT = ("tuple_type", "list_type"), ("too_short",)  # faults of pydantic
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -170,7 +170,7 @@ def _no_utf8(content: bytes, error: UnicodeDecodeError, path: Path) -> InputErro
 def explain(error: ValidationError) -> str:
     """One line per fault of a declared file: ``[table] key: what is wrong``."""
     lines = []
-    faults = error.errors()
+    faults = _without_echoes(error.errors())
     for fault in faults[:MOST_FAULTS]:
         place = fault["loc"]
         table = f"[{clipped(str(place[0]))}] " if place else ""
@@ -182,12 +182,31 @@ def explain(error: ValidationError) -> str:
             message = "is missing"
         elif fault["type"] in LIST_ASKED_FOR and len(place) == 1 and _is_table(fault):
             message = f"is one of a list of tables: write [[{clipped(str(place[0]))}]]"
+        elif fault["type"] in LIST_ASKED_FOR:
+            message = f"is a list: write [...], not {clipped(repr(fault.get('input')))}"
+        elif fault["type"] in TOO_SHORT and not fault.get("input"):
+            message = "is an empty list"
         elif fault["type"] not in ("value_error", "missing"):
             message = f"{message}, not {clipped(repr(fault.get('input')))}"
         lines.append(f"{table}{key}: {message}" if key else f"{table}{message}")
     if len(faults) > MOST_FAULTS:
         lines.append(f"and {len(faults) - MOST_FAULTS} more")
     return "; ".join(lines)
+
+
+def _without_echoes(faults: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+    """Faults but for lists that seem too short as pydantic left out the rows with faults."""
+    return [
+        f
+        for f in faults
+        if not (f["type"] in TOO_SHORT and any(_is_below(other, f) for other in faults))
+    ]
+
+
+def _is_below(fault: Mapping[str, Any], list_of: Mapping[str, Any]) -> bool:
+    """Whether a fault is one of a row of a list."""
+    place = list_of["loc"]
+    return len(fault["loc"]) > len(place) and fault["loc"][: len(place)] == place
 
 
 def _is_table(fault: Mapping[str, Any]) -> bool:

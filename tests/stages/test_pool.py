@@ -319,6 +319,70 @@ def test_nothing_changed_and_that_is_said_with_its_rate_of_false_alarms() -> Non
     json.loads(found.model_dump_json())
 
 
+def test_of_several_trials_on_a_day_the_time_is_told() -> None:
+    """Else a change "since 6 May" might be before or after most of them."""
+    noise = 0.001 * np.random.default_rng(3).normal(size=12)
+    fractions = [float(0.01 + 0.02 * (k >= 6) + noise[k]) for k in range(12)]
+    result = with_dvl_scale(series(), fractions, 0.001)
+    data = result.data
+    own = [
+        replace(t, date=f"2026-05-06T{8 + k:02d}:30:00+00:00") for k, t in enumerate(data.trials)
+    ]
+    result = replace(result, data=replace(data, trials=tuple(own)))
+    found = changes_of(result, np.random.default_rng(0))
+    (change,) = [c for c in found.changes if c.what == "dvl_scale.fraction"]
+    assert change.sentence.startswith("since 6 May 2026 14:30 dvl_scale")
+
+
+def test_that_the_order_is_not_that_of_the_dates_is_told() -> None:
+    """One log without dates leaves all of them in the order in which they were given."""
+    result = series()
+    undated = [t.model_copy(update={"date": ""}) for t in result.model.pooling.trials[:1]]
+    rows = (*undated, *result.model.pooling.trials[1:])
+    pooling = result.model.pooling.model_copy(update={"trials": rows})
+    model = result.model.model_copy(update={"pooling": pooling})
+    found = changes_of(replace(result, model=model), np.random.default_rng(0))
+    (finding,) = [f for f in found.findings if f.code == "order-as-given"]
+    assert finding.where == "trial-0"
+    assert changes_of(result, np.random.default_rng(0)).findings == ()
+
+
+def test_the_last_trial_is_told_where_it_fits_no_other() -> None:
+    stranger = IdentifiedModel.model_validate_json(another_vehicle())
+    last = changes_of(pool(trials([*models(), stranger])), np.random.default_rng(0))
+    assert last.left_out_last.startswith("trial-4: it fits no other trial")
+    first = changes_of(pool(trials([stranger, *models()])), np.random.default_rng(0))
+    assert (first.left_out_last, len(first.findings)) == ("", 2)  # one is left out, four are few
+
+
+def test_a_scatter_is_told_in_the_unit_of_its_parameter_and_only_where_there_is_one() -> None:
+    """Angles are radians inside; what others explain has no scatter to be contained."""
+    rows = models()
+    moved = [
+        m.model_copy(
+            update={
+                "coefficients": tuple(
+                    c.model_copy(update={"value": c.value + (-1) ** k * c.prior_std})
+                    if c.symbol == "Y_uud"
+                    else c
+                    for c in m.coefficients
+                )
+            }
+        )
+        for k, m in enumerate(rows)
+    ]
+    found = pool(trials(moved), keep=True).model
+    told = {f.where: f.message for f in found.findings if f.code == "trials-disagree"}
+    assert told
+    for p in found.pooling.parameters:
+        if p.symbol in told and p.between_std > 0.0:
+            assert f"(scatter {p.between_std:.2g} {p.unit})" in told[p.symbol]
+        elif p.symbol in told:
+            assert "none of its own" in told[p.symbol]
+    assert any("none of its own" in text for text in told.values())
+    assert any("scatter" in text and "contains that" in text for text in told.values())
+
+
 def test_of_few_trials_nothing_is_said() -> None:
     found = changes_of(pool(trials(models())), np.random.default_rng(0))
     assert (found.changes, [f.code for f in found.findings]) == ((), ["few-trials"])

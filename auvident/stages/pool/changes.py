@@ -1,6 +1,6 @@
 """What changed of the vehicle: steps and drifts of coefficients and of groups of them, in words."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Any, NamedTuple
@@ -25,6 +25,8 @@ FALSE_ALARMS = 0.01
 LEAST_TRIALS = 5  # of fewer, a step may be as well what they scatter by
 CERTAIN = 2.0  # standard deviations of a value from zero, from which on its changes are shares
 DAY_S = 86_400.0
+FITS_NO_OTHER = "trial-fits-no-other"  # code of the finding
+SHOWN = 5  # trials in a message
 
 
 @dataclass(frozen=True)
@@ -76,7 +78,7 @@ def changes_of(
     data, model = result.data, result.model
     names, dates = [t.name for t in data.trials], [t.date for t in data.trials]
     dated = all(dates)
-    strange = tuple(f for f in model.findings if f.code == "trial-fits-no-other")
+    strange = tuple(f for f in model.findings if f.code == FITS_NO_OTHER)
     nothing = Changes(
         vehicle=model.vehicle,
         plane=model.plane,
@@ -84,6 +86,7 @@ def changes_of(
         dates=tuple(dates),
         dated=dated,
         false_alarms=false_alarms,
+        left_out_last=_left_out_last(result),
         findings=strange,
     )
     if len(names) < LEAST_TRIALS:
@@ -99,15 +102,37 @@ def changes_of(
     directions = np.vstack([np.eye(len(data.names)), *(_along(g, data, theta) for g in groups)])
     times = _times(dates, dated)
     found, trials = search(data.told, directions, times, rng, false_alarms)
-    told = _Teller(data, groups, theta, data.origin + data.unit * found.theta, dated)
+    teller = _Teller(data, groups, theta, data.origin + data.unit * found.theta, dated)
     return nothing.model_copy(
         update={
+            "findings": (*strange, *_as_given(result)),
             "threshold": found.threshold,
             "tests": found.tests,
-            "changes": tuple(told.change(f) for f in found.found),
-            "series": told.series(trials, directions, found, times),
+            "changes": tuple(teller.change(f) for f in found.found),
+            "series": teller.series(trials, directions, found, times),
         }
     )
+
+
+def _left_out_last(result: PoolResult) -> str:
+    """Why the last trial fits no other, if that is so: the vehicle may have changed before it."""
+    strange = {f.where: f.message for f in result.model.findings if f.code == FITS_NO_OTHER}
+    last = result.model.pooling.trials[-1].trial
+    return f"{last}: {strange[last]}" if last in strange else ""
+
+
+def _as_given(result: PoolResult) -> Iterator[Finding]:
+    """That the order is that in which trials were given, where some of them could say otherwise."""
+    trials = result.model.pooling.trials
+    undated = [t.trial for t in trials if not t.date]
+    if 0 < len(undated) < len(trials):
+        yield Finding(
+            code="order-as-given",
+            where=", ".join(undated[:SHOWN]) + (", ..." if len(undated) > SHOWN else ""),
+            message="the log has no dates, so that changes are looked for in the order in which "
+            "the trials were given, and not in that of the dates of the others",
+            remedy="Give the trials in the order in which they were at sea.",
+        )
 
 
 def model_value(result: PoolResult, name: str) -> float:
@@ -253,11 +278,14 @@ class _Teller:
         return f"since {self._when(found.first)} {text} {of}"
 
     def _when(self, k: int) -> str:
+        """The day of a trial, with its time where there are others on that day; else its name."""
         trial = self.data.trials[k]
         if not self.dated:
             return trial.name
-        day = datetime.fromisoformat(trial.date)
-        return f"{day.day} {day:%B %Y}"
+        days = [datetime.fromisoformat(t.date) for t in self.data.trials]
+        alone = sum(day.date() == days[k].date() for day in days) == 1
+        text = f"{days[k].day} {days[k]:%B %Y}"
+        return text if alone else f"{text} {days[k]:%H:%M}"
 
     def series(
         self, trials: Sequence[Any], directions: Array, found: ChangeSearch, times: Array

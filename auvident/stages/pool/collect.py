@@ -154,7 +154,8 @@ def refuse_others(trials: Sequence[PoolTrial]) -> None:
             )
 
 
-def _differences(a: IdentifiedModel, b: IdentifiedModel) -> Iterator[str]:
+def other_vehicle(a: IdentifiedModel, b: IdentifiedModel) -> Iterator[str]:
+    """In what the vehicle of a model ``b`` is another one than that of ``a``."""
     for key in SAME:
         one, other = getattr(a, key), getattr(b, key)
         if one != other:
@@ -162,6 +163,10 @@ def _differences(a: IdentifiedModel, b: IdentifiedModel) -> Iterator[str]:
                 pairs = zip(one.model_dump().items(), other.model_dump().values(), strict=True)
                 key, one, other = next((k, v, w) for (k, v), w in pairs if v != w)
             yield f"{key} is {other}, there {one}"
+
+
+def _differences(a: IdentifiedModel, b: IdentifiedModel) -> Iterator[str]:
+    yield from other_vehicle(a, b)
     rows = {c.symbol: c for c in a.estimates}
     for c in b.estimates:
         if c.symbol not in rows:

@@ -28,7 +28,7 @@ from auvident.schema.artifacts import (
 )
 from auvident.schema.coefficients import BY_SYMBOL, prime_unit
 from auvident.schema.effects import parameter_of
-from auvident.schema.pooled import PooledModel, Pooling
+from auvident.schema.pooled import POOLED, PooledModel, Pooling
 from auvident.stages.pool.collect import Collected
 
 Array = npt.NDArray[Any]
@@ -96,7 +96,7 @@ def _model(t: Together, mean: Array, pooling: Pooling, findings: Sequence[Findin
         plane=newest.plane,
         filter=newest.filter,
         engine=newest.engine,
-        plan="pooled",
+        plan=POOLED,
         length_m=newest.length_m,
         density_kgpm3=newest.density_kgpm3,
         rigid_body=newest.rigid_body,

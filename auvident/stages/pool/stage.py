@@ -196,7 +196,7 @@ def _parameters(t: Together, each: Sequence[Agreement]) -> Iterator[PooledParame
             share_alone=float(shares[:, i].mean()),
             share_best=float(shares[:, i].max()),
             share=float(np.clip(1.0 - t.found.covariance[i, i], 0.0, 1.0)),
-            between_std=_shown(name, own, unit * float(np.sqrt(t.between[i])))[1],
+            between_std=_scatter_of(t, i)[0],
             structural_std=_shown(name, own, unit * float(np.sqrt(t.structural[i, i])))[1],
             q=each[i].q,
             freedom=each[i].freedom,
@@ -225,6 +225,7 @@ def _trials(
             trial=trial.name,
             date=trial.date,
             file=trial.file,
+            logs=dict(trial.logs),
             maneuvers=maneuvers_of(trial.model),
             used=k in inside,
             reason=_why(trial, whole, far, last=k == len(whole.told) - 1)
@@ -315,16 +316,25 @@ def _findings(t: Together, agree: Agreement, each: Sequence[Agreement]) -> Itera
             "standard deviations may be too small where it does",
         )
     scattering = [i for i, one in enumerate(each) if one.p < DISAGREE / len(each)]
-    for i in scattering:
-        std = data.unit[i] * float(np.sqrt(t.between[i]))
+    for i in (i for i in scattering if t.between[i] > 0.0):
+        scatter, unit = _scatter_of(t, i)
         yield Finding(
             code="trials-disagree",
             where=data.names[i],
             value=each[i].p,
             threshold=DISAGREE / len(each),
-            message=f"differs between trials by more than their errors (scatter {std:.2g} "
-            f"{_unit_of(data.names[i])}); its standard deviation contains that",
+            message=f"differs between trials by more than their errors (scatter {scatter:.2g} "
+            f"{unit}); its standard deviation contains that",
             remedy="See whether it changed at one time: `auvident pool` tells.",
+        )
+    for i in (i for i in scattering if t.between[i] <= 0.0):  # with the others held, that is
+        yield Finding(
+            code="trials-disagree",
+            where=data.names[i],
+            value=each[i].p,
+            threshold=DISAGREE / len(each),
+            message="differs between trials by more than their errors; the scatter of others "
+            "explains that, and it is taken to have none of its own",
         )
     if agree.p < DISAGREE and not scattering:
         yield Finding(
@@ -350,6 +360,13 @@ def _findings(t: Together, agree: Agreement, each: Sequence[Agreement]) -> Itera
                 message="its model knows a combination of coefficients worse than the prior; its "
                 "data count as none there",
             )
+
+
+def _scatter_of(t: Together, i: int) -> tuple[float, str]:
+    """Standard deviation between trials, and its unit, as artifacts have them."""
+    name, unit = t.data.names[i], float(t.data.unit[i])
+    own = float(t.data.origin[i]) + unit * float(t.found.mean[i])
+    return _shown(name, own, unit * float(np.sqrt(t.between[i])))[1], _unit_of(name)
 
 
 def interval(value: float, std: float) -> tuple[float, float]:
