@@ -17,6 +17,7 @@ from auvident.physics.terms import Structure
 
 Array = npt.NDArray[Any]
 
+UNSEEN_ERRORS = 2.0  # standard errors of the mean square of a residual
 LEAST_FORCING = 0.05  # process noise of a channel the model explains, in sensor std per root second
 
 
@@ -93,6 +94,7 @@ def forcing_std(
     A velocity that forgets within a time tau and is driven by white noise of intensity q has the
     variance s^2 = q^2 tau / 2 and a correlation time of 2 tau, both sides together. Beside white
     sensor noise of the variance n^2 that of the sum is shorter: 2 tau = T (s^2 + n^2) / s^2.
+    Less than `UNSEEN_ERRORS` may be there unseen.
     """
     states = simulate_states(
         record.start, record.inputs, record.given, dt_s, p, active, structure.equations
@@ -102,9 +104,10 @@ def forcing_std(
     for c in np.flatnonzero(active):
         values = residual[np.isfinite(residual[:, c]), c]
         if values.size:
-            both_sides_s = correlation_time(values, round(LONGEST_CORRELATION_S / dt_s)) * dt_s
+            both_sides = correlation_time(values, round(LONGEST_CORRELATION_S / dt_s))
             power = float(np.mean(values**2))
-            slow = max(power - sensor_std[c] ** 2, 0.0)
+            least = UNSEEN_ERRORS * power * np.sqrt(2.0 * both_sides / values.size)
+            slow = max(power - sensor_std[c] ** 2, least)
             if slow > 0.0:
-                forcing[c] = max(forcing[c], 2.0 * slow / np.sqrt(both_sides_s * power))
+                forcing[c] = max(forcing[c], 2.0 * slow / np.sqrt(both_sides * dt_s * power))
     return forcing
