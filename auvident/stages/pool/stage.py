@@ -323,7 +323,10 @@ def _findings(t: Together, agree: Agreement, each: Sequence[Agreement]) -> Itera
             value=each[i].p,
             threshold=DISAGREE / len(each),
             message=f"differs between trials by more than their errors (scatter {std:.2g} "
-            f"{_unit_of(data.names[i])}); its standard deviation contains that",
+            f"{_unit_of(data.names[i])}); its standard deviation contains that"
+            if std > 0.0
+            else "differs between trials by more than their errors, which the scatter of other "
+            "parameters accounts for",
             remedy="See whether it changed at one time: `auvident pool` tells.",
         )
     if agree.p < DISAGREE and not scattering:
