@@ -32,6 +32,7 @@ from auvident.pipeline.observer import Observer
 from auvident.pipeline.pooling import date_of, logs_behind, pool_runs, refuse_change
 from auvident.pipeline.predict import find_model
 from auvident.report.campaign_page import render_campaign
+from auvident.report.tables_campaign import repeats
 from auvident.schema.artifacts import IdentifiedModel
 from auvident.schema.campaign import (
     Campaign,
@@ -41,6 +42,7 @@ from auvident.schema.campaign import (
     RunOptions,
 )
 from auvident.schema.changes import Changes, VehicleChange
+from auvident.schema.quoting import first_words
 from auvident.storage.artifacts import sha256_of
 from auvident.storage.campaign_file import PlannedTrial, read_campaign, trials_in_folders
 from tests.command_line import ROOT, SAMPLES, call
@@ -59,13 +61,14 @@ class Told(Observer):
 class Refusing:
     """Every trial is one that cannot be read."""
 
-    def __init__(self) -> None:
+    def __init__(self, why: str = "gyro: there is no such file") -> None:
         self.jobs: list[Job] = []
+        self.why = why
 
     def each(self, jobs: Sequence[Job]) -> Iterator[JobDone]:
         self.jobs += jobs
         for job in jobs:
-            yield JobDone(job.key, 3, "gyro: there is no such file", 0.1)
+            yield JobDone(job.key, 3, self.why, 0.1)
 
 
 class Runs:
@@ -357,6 +360,21 @@ def test_whoever_gives_up_leaves_no_process_behind() -> None:
 def test_the_problem_is_the_error_without_what_came_before() -> None:
     assert problem_of("Warning: x\nError: y: z\n  Do it.\n") == "y: z. Do it."
     assert problem_of("") == ""
+
+
+def test_the_page_says_of_a_trial_to_look_at_all_that_is_wrong_and_what_to_do(
+    plan: CampaignPlan,
+) -> None:
+    why = " ".join(["what is wrong with it"] * 20) + ". Do this."
+    done = run_campaign(plan, Told(), runner=Refusing(why), warm=lambda _: None)
+    assert why in write_page(plan.output, done).read_text()
+    (row,) = repeats(done.result).rows  # of the terminal
+    assert str(row[-1]).endswith(" ...") and len(str(row[-1])) < len(why)
+
+
+def test_a_problem_without_end_is_cut_between_words() -> None:
+    assert first_words("one two three", 13) == "one two three"
+    assert first_words("one two three", 11) == "one two ..."
 
 
 # --- what is meant --------------------------------------------------------------------------

@@ -10,7 +10,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from auvident.errors import NumericsError
+from auvident.errors import InputError, NumericsError
 from auvident.pipeline import STAGES, status, steps
 from auvident.pipeline.table import BY_NAME, before
 from tests.command_line import SAMPLES, Called
@@ -183,6 +183,25 @@ def test_a_failure_of_the_numbers_is_kept_and_the_artifacts_stay(
     assert status(demo)[1].failed["identify"].problem == "the filter diverged"
     monkeypatch.undo()
     assert auvident("identify", demo, "--quiet").code == 0
+    assert status(demo)[1].failed == {}
+
+
+def test_why_a_stage_found_nothing_to_work_with_is_told_by_status(
+    demo: Path, auvident: Callable[..., Called], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(given: object) -> None:
+        raise InputError("no maneuver was found", "harbour_trial")
+
+    for stage in ("ingest", "segment"):
+        monkeypatch.setitem(BY_NAME, stage, _with_function(BY_NAME[stage], refuse))
+    assert auvident("segment", demo).code == 3
+    assert "no maneuver was found" in " ".join(auvident("status", demo).err.split())
+    before = (demo / "run.json").read_bytes()
+    log = ("sample_logs/harbour_trial", "--vehicle", "sample_logs/remus100.toml")
+    assert auvident("ingest", *log, "--run", demo).code == 3
+    assert (demo / "run.json").read_bytes() == before  # a log that is refused leaves all as it was
+    monkeypatch.undo()
+    assert auvident("segment", demo, "--quiet").code == 0
     assert status(demo)[1].failed == {}
 
 

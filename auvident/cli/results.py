@@ -58,8 +58,10 @@ def status(output: Output, run: Path) -> None:
     """
     from auvident.pipeline import status as judge
     from auvident.report.console import status_table
+    from auvident.storage.lock import worker
     from auvident.versions import changed
 
+    at_work = worker(run)
     decisions, manifest = judge(run)
     rows = []
     for decision in decisions:
@@ -78,10 +80,14 @@ def status(output: Output, run: Path) -> None:
         )
     with output.watch() as watch:
         watch.show(status_table(run, rows))
+        if at_work:
+            watch.note(f"In use, so that this may change: {at_work.words}")
         if output.verbose:
             for line in _other_libraries(rows):
                 watch.note(line)
-    output.artifact({"schema": "auvident/status/1", "run": str(run), "stages": rows}, "status")
+    in_use = at_work.words if at_work else None
+    told = {"schema": "auvident/status/1", "run": str(run), "stages": rows, "in_use": in_use}
+    output.artifact(told, "status")
 
 
 def _other_libraries(rows: list[dict[str, Any]]) -> list[str]:

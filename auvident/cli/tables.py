@@ -108,7 +108,8 @@ def schema(output: Output, name: str | None) -> None:
     if name is None:
         listed = {key: file for key, (file, _) in SCHEMAS.items()}
         if not output.json:
-            output.text("\n".join(f"{key:12s} {file}" for key, file in listed.items()))
+            wide = max(map(len, listed))
+            output.text("\n".join(f"{key:{wide}s} {file}" for key, file in listed.items()))
         return output.artifact({"schema": "auvident/schemas/1", "schemas": listed}, "schema")
     stem = name.removesuffix(".json").removesuffix(".toml")
     key = ALIASES.get(stem, stem)

@@ -23,6 +23,7 @@ from uuid import uuid4
 from auvident import __version__
 from auvident.errors import UsageError
 from auvident.pipeline.campaign_jobs import LONGEST_PROBLEM, Job, JobDone, environment, run_job
+from auvident.schema.quoting import first_words
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -221,7 +222,7 @@ def _ended(job: Job, future: "Future[JobDone]") -> JobDone | None:
     if isinstance(error, KilledWorker):
         return None
     problem = " ".join(f"its worker failed: {type(error).__name__}: {error}".split())
-    return JobDone(job.key, WORKER_DIED, problem[:LONGEST_PROBLEM], 0.0)
+    return JobDone(job.key, WORKER_DIED, first_words(problem, LONGEST_PROBLEM), 0.0)
 
 
 # --- on a worker ----------------------------------------------------------------------------

@@ -19,11 +19,12 @@ from typing import Protocol
 from auvident.errors import InUseError
 from auvident.parallel import VARIABLE
 from auvident.pipeline.campaign_trial import STARTED_BY
+from auvident.schema.quoting import first_words
 
 PROGRAM = ("-m", "auvident.pipeline.campaign_trial")
 ONE_THREAD = (VARIABLE, "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")
 ATTEMPTS = 2  # of a trial whose process was killed
-LONGEST_PROBLEM = 500  # characters
+LONGEST_PROBLEM = 2000  # characters: what is wrong and what to do about it
 LOOK_S = 0.5  # how often a trial that runs is asked whether it is still wanted
 # A run directory may still be held by the process of a campaign, or of a worker, that was killed.
 IN_USE_ATTEMPTS, IN_USE_PAUSE_S = 5, 2.0
@@ -120,7 +121,8 @@ def run_job(job: Job, wanted: Callable[[], bool], start: Start = subprocess.Pope
     problem = said if code else ""
     if code < 0:
         problem = f"its process was killed (signal {-code})"
-    return JobDone(job.key, code, problem[:LONGEST_PROBLEM], time.perf_counter() - began)
+    told = first_words(problem, LONGEST_PROBLEM)
+    return JobDone(job.key, code, told, time.perf_counter() - began)
 
 
 def _once(job: Job, wanted: Callable[[], bool], start: Start) -> tuple[int, str]:

@@ -45,11 +45,11 @@ def ingest(given: Given) -> dict[str, Any]:
     if not used:
         raise aside.none_left()
     proposed = {name for done in used.values() for name in done.proposed}
-    refuse_unproposed(tuple(given.options.get("fix", ())), proposed)
+    qualities = tuple(done.quality for done in used.values())
+    refuse_unproposed(tuple(given.options.get("fix", ())), proposed, qualities)
     outputs: dict[str, Any] = {
         f"ingest/{name}.parquet": done.trial.table for name, done in used.items()
     }
-    qualities = tuple(done.quality for done in used.values())
     outputs["ingest/vehicle.json"] = stated_noise_for(vehicle, qualities)
     report = Quality.model_validate(
         {

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from auvident import __version__
-from auvident.errors import AuvidentError, NumericsError, StageError
+from auvident.errors import AuvidentError, InputError, NumericsError, StageError
 from auvident.parallel import one_blas_thread
 from auvident.pipeline.freshness import Decision, Wanted, first_broken, in_planes, judge, judge_all
 from auvident.pipeline.given import Given, matching
@@ -343,8 +343,9 @@ def _call(stage: Stage, given: Given, wanted: Wanted) -> tuple[Outputs, dict[str
         with _ONE_AT_A_TIME, one_blas_thread():
             outputs = called(stage, given)
         return outputs, {name: _bytes(name, artifact) for name, artifact in outputs.items()}
-    except NumericsError as error:
-        _record_failure(stage, given.run, given.manifest, wanted, error)
+    except (InputError, NumericsError) as error:
+        if stage.after or isinstance(error, NumericsError):  # logs that are refused leave no trace
+            _record_failure(stage, given.run, given.manifest, wanted, error)
         raise
 
 
@@ -382,7 +383,7 @@ def _record_failure(
     wanted: Wanted,
     error: AuvidentError,
 ) -> None:
-    """Note a failure of the numbers; the artifacts of an earlier success stay."""
+    """Note why a stage failed; the artifacts of an earlier success stay."""
     if manifest is None:
         return
     attempt = FailedAttempt(

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from markupsafe import Markup
 
 FOLDER = Path(__file__).resolve().parent
+LONGEST_WHY = 2000  # characters of what is wrong with a trial, and what to do about it
 FEW_NRMSE = 3  # channels of which errors are shown
 
 
@@ -42,7 +43,7 @@ def render_campaign(result: CampaignResult, models: Mapping[str, PooledModel]) -
         vehicles=vehicles,
         trials=len(result.trials),
         failed=sum(t.state == "failed" for t in result.trials),
-        repeats=tables.repeats(result, whole=True),
+        repeats=tables.repeats(result, longest=LONGEST_WHY),
     )
 
 

@@ -66,7 +66,8 @@ def innovations(
         width_ratios=[1.7, 1.0],
     )
     for i, (symbol, column, unit, words) in enumerate(rows):
-        left, right = (figure.add_subplot(grid[i, k]) for k in (0, 1))
+        first = figure.axes[:2] if i else (None, None)  # one time above the other, one lag
+        left, right = (figure.add_subplot(grid[i, k], sharex=first[k]) for k in (0, 1))
         _over_time(left, own, column, unit, tests[symbol])
         left.set_ylabel(f"{words}\n{SHOWN_UNITS.get(unit, (unit,))[0]}")
         _correlated(right, tests[symbol])
@@ -110,6 +111,7 @@ def _correlated(axes: Axes, tests: ResidualTests) -> None:
     white = tests.autocorrelation
     if white is None:
         axes.set_axis_off()
+        axes.set_title("\N{NO-BREAK SPACE}")  # as high as the panel beside it
         return
     axes.axhspan(-white.band, white.band, color=SKY, alpha=0.3, lw=0)
     axes.axhline(0.0, color=SOFT, lw=0.7)

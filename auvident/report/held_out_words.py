@@ -28,7 +28,7 @@ def doubts_of(comparison: Mapping[str, Any]) -> list[str]:
     hulls = (f"{run['vehicle']} ({run['length_m']:.4g} m)" for run in comparison["runs"])
     vehicles = list(dict.fromkeys(hulls))
     lines = [f"The runs are of different vehicles: {', '.join(vehicles)}."]
-    sets = {tuple(run["held_out"]) for run in comparison["runs"]}
+    sets = {tuple(run["held_out"]) for run in comparison["runs"] if run["held_out"]}
     planes = {run.get("plane") for run in comparison["runs"]}
     lines = lines * (len(vehicles) > 1) + [OTHER_PLANES] * (len(planes) > 1)
     lines += [OTHERS_HELD_OUT] * (len(sets) > 1)

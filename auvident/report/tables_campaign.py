@@ -6,12 +6,13 @@ from auvident.report.tables import Column, Fixed, Number, Rows, Table, Unit, Wit
 from auvident.schema.campaign import CampaignResult, CampaignTrial
 from auvident.schema.changes import Changes, LeftOutTrialError, VehicleChange
 from auvident.schema.pooled import PooledModel, PooledParameter, PooledTrial
+from auvident.schema.quoting import first_words
 from auvident.schema.spin import share
 
 NO_CHANGE = "No change of the vehicle stands out from chance"
 DISAGREE = 0.01
 REPEATS = "Trials to look at, or to repeat"
-LONGEST = 120  # characters of a reason in a table
+LONGEST = 120  # characters of a reason in a table; ``campaign.json`` and the page have more
 
 
 def pooled_parameters(model: PooledModel) -> Table:
@@ -166,25 +167,16 @@ def _shares(t: CampaignTrial) -> dict[str, float]:
 def outcome(t: CampaignTrial) -> str:
     """Verdict of a trial with its effects, or why there is none."""
     if t.problem and t.state == "failed":
-        return shortened(t.problem)
+        return first_words(t.problem, LONGEST)
     words = t.verdict.replace("_", " ")
     return f"{words}: {', '.join(t.effects)}" if t.effects else words
 
 
-def shortened(text: str) -> str:
-    """The first words of a reason; the whole of it stands in ``campaign.json``."""
-    return text if len(text) <= LONGEST else f"{text[:LONGEST].rsplit(' ', 1)[0]} ..."
-
-
-def repeats(result: CampaignResult, whole: bool = False) -> Table:
-    """Which trials to look at or to repeat, and why: not each of them has to go to sea again.
-
-    ``whole`` has the reasons to their end, where a page has the room.
-    """
-    told = str if whole else shortened
+def repeats(result: CampaignResult, longest: int = LONGEST) -> Table:
+    """Which trials to look at or to repeat, and why: not each of them has to go to sea again."""
     heads = (*columns(("vehicle", "trial")), Column("why"))
     rows: Rows = [
-        [v.name, str(row["trial"]), told(str(row["why"]))]
+        [v.name, str(row["trial"]), first_words(str(row["why"]), longest)]
         for v in result.vehicles
         for row in v.repeat
     ]

@@ -176,6 +176,8 @@ def _noise(record: StageRecord, column: str) -> Cell:
     """Noise of a channel in a pass; of a fit that of the sensor and that of the disturbance."""
     fitted = record.fitted_noise.get(column)
     if fitted is not None:
+        if fitted.slow_std == 0.0:
+            return Number(fitted.white_std, 2)
         slow = Joined(
             (Number(fitted.slow_std, 2), Number(fitted.slow_time_s, 2, behind=" s")), " over "
         )

@@ -49,6 +49,11 @@ def clipped(text: str, most: int = LONGEST_TEXT) -> str:
     return f"{text[:kept]} ... ({len(text) - 2 * kept} characters) ... {text[-kept:]}"
 
 
+def first_words(text: str, most: int) -> str:
+    """As many words of a sentence as there is room for, with dots where some are left out."""
+    return text if len(text) <= most else f"{text[:most].rsplit(' ', 1)[0]} ..."
+
+
 def _code(character: str) -> str:
     number = ord(character)
     return f"\\u{number:04x}" if number <= 0xFFFF else f"\\U{number:08x}"

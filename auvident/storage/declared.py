@@ -6,8 +6,9 @@ import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
+from difflib import get_close_matches
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_args
 
 from pydantic import BaseModel, ValidationError
 
@@ -167,17 +168,18 @@ def _no_utf8(content: bytes, error: UnicodeDecodeError, path: Path) -> InputErro
     )
 
 
-def explain(error: ValidationError) -> str:
+def explain(error: ValidationError, model: type[BaseModel]) -> str:
     """One line per fault of a declared file: ``[table] key: what is wrong``."""
     lines = []
     faults = _without_echoes(error.errors())
     for fault in faults[:MOST_FAULTS]:
         place = fault["loc"]
-        table = f"[{clipped(str(place[0]))}] " if place else ""
-        key = ".".join(clipped(str(part)) for part in place[1:])
-        message = fault["msg"].removeprefix("Value error, ")
+        table, rest = _table(place)
+        key = ".".join(clipped(str(part)) for part in rest)
+        message = fault["msg"].removeprefix("Value error, ").removeprefix("Input ")
         if fault["type"] == "extra_forbidden":
-            message = "unknown key"
+            meant = _meant(str(place[-1]), _keys_beside(model, place))
+            message = f"unknown key, did you mean {meant}?" if meant else "unknown key"
         elif fault["type"] == "missing":
             message = "is missing"
         elif fault["type"] in LIST_ASKED_FOR and len(place) == 1 and _is_table(fault):
@@ -187,7 +189,8 @@ def explain(error: ValidationError) -> str:
         elif fault["type"] in TOO_SHORT and not fault.get("input"):
             message = "is an empty list"
         elif fault["type"] not in ("value_error", "missing"):
-            message = f"{message}, not {clipped(repr(fault.get('input')))}"
+            wanted = message.split(", unable to parse")[0]
+            message = f"{wanted}, not {clipped(repr(fault.get('input')))}"
         lines.append(f"{table}{key}: {message}" if key else f"{table}{message}")
     if len(faults) > MOST_FAULTS:
         lines.append(f"and {len(faults) - MOST_FAULTS} more")
@@ -209,6 +212,42 @@ def _is_below(fault: Mapping[str, Any], list_of: Mapping[str, Any]) -> bool:
     return len(fault["loc"]) > len(place) and fault["loc"][: len(place)] == place
 
 
+def _table(place: tuple[int | str, ...]) -> tuple[str, tuple[int | str, ...]]:
+    """The table of a fault as the file has it, of several the first one with a 1; the rest."""
+    if not place:
+        return "", ()
+    name = clipped(str(place[0]))
+    if len(place) > 1 and isinstance(place[1], int):
+        return f"[[{name}]] {place[1] + 1} ", place[2:]
+    return f"[{name}] ", place[1:]
+
+
+def _keys_beside(model: type[BaseModel], place: Sequence[int | str]) -> list[str]:
+    """Keys of the table that a fault lies in; none where that may be one of several."""
+    for part in place[:-1]:
+        if isinstance(part, str):
+            inside = {f.alias or name: f.annotation for name, f in model.model_fields.items()}
+            below = set(_models(inside.get(part)))
+            if len(below) != 1:
+                return []
+            (model,) = below
+    return [field.alias or name for name, field in model.model_fields.items()]
+
+
+def _meant(key: str, known: Sequence[str]) -> str:
+    """The key that one without its unit, or with a letter wrong, is meant for; "" where none is."""
+    alike = get_close_matches(key, known, n=1) or [k for k in known if k.startswith(f"{key}_")]
+    return alike[0] if alike else ""
+
+
+def _models(annotation: Any) -> Iterator[type[BaseModel]]:
+    """Tables that a key may hold, alone or in a list."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for part in get_args(annotation):
+        yield from _models(part)
+
+
 def _is_table(fault: Mapping[str, Any]) -> bool:
     """Whether a table stands where a fault was found."""
     return isinstance(fault.get("input"), dict)
@@ -219,4 +258,4 @@ def parse(model: type[Model], data: dict, path: Path, remedy: str = "") -> Model
     try:
         return model.model_validate(data)
     except ValidationError as error:
-        raise InputError(explain(error), str(path), remedy) from None
+        raise InputError(explain(error, model), str(path), remedy) from None

@@ -82,6 +82,18 @@ def locked(folder: Path) -> Iterator[None]:
         os.close(descriptor)
 
 
+def worker(folder: Path) -> Holder | None:
+    """Who works in a folder, by what the file says; nothing is locked to find out."""
+    file = folder / LOCK_FILE
+    if not file.is_file() or file.is_symlink():
+        return None
+    try:
+        holder = _told(file.read_bytes()[:MOST_BYTES])
+    except OSError:
+        return None
+    return holder if holder is not None and holder.may_be_alive else None
+
+
 def _made_and_locked(folder: Path) -> tuple[list[Path], int]:
     """Folders that had to be made, the innermost first, and the descriptor with the lock."""
     file = folder / LOCK_FILE
@@ -167,9 +179,16 @@ def _holder(descriptor: int) -> Holder | None:
     """Who holds it, unless that is not yet written."""
     try:
         os.lseek(descriptor, 0, os.SEEK_SET)
-        told = json.loads(os.read(descriptor, MOST_BYTES))
+        return _told(os.read(descriptor, MOST_BYTES))
+    except OSError:
+        return None
+
+
+def _told(text: bytes) -> Holder | None:
+    try:
+        told = json.loads(text)
         return Holder(int(told["pid"]), *(str(told[k]) for k in ("host", "command", "since")))
-    except (OSError, ValueError, TypeError, KeyError, RecursionError):
+    except (ValueError, TypeError, KeyError, RecursionError):
         return None
 
 

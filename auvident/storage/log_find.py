@@ -25,11 +25,10 @@ from auvident.storage.log_file import (
 )
 from auvident.storage.log_own import (
     MAX_DEPTH,
-    REMEDY,
     folders_in,
     logs_in,
     not_own,
-    own_output,
+    refuse_only_own,
     refuse_own,
 )
 from auvident.storage.regular import refuse_irregular
@@ -164,11 +163,8 @@ def _folder_or_refuse(
     inside = sorted(p.name + ("/" if p.is_dir() else "") for p in path.iterdir())
     wanted = sorted(set(_patterns(column_map).values()))
     problem = "contains no log"
-    logs = [p for p in path.iterdir() if looks_like_log(p)]
-    if logs and all(own_output(p) for p in logs):
-        names = ", ".join(sorted(p.name for p in logs)[:12])
-        raise InputError(f"contains only files that auvident wrote ({names})", str(path), REMEDY)
-    if logs:
+    refuse_only_own(path)
+    if any(looks_like_log(p) for p in path.iterdir()):
         problem = "contains no file that is named after a sensor or has a time column"
     if wanted:
         problem = f"contains no file that matches {', '.join(wanted)} and has the mapped columns"

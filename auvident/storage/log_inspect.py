@@ -13,7 +13,7 @@ from auvident.schema.quoting import encodable
 from auvident.storage.log_columns import angle_of, quantity_of
 from auvident.storage.log_file import LogFile, open_logs, read_log
 from auvident.storage.log_find import layout_remedy
-from auvident.storage.log_own import MAX_DEPTH, folders_in, logs_in
+from auvident.storage.log_own import MAX_DEPTH, folders_in, logs_in, refuse_only_own, refuse_own
 from auvident.storage.log_propose import propose_map
 from auvident.storage.log_propose_files import trials_without_map
 from auvident.storage.log_time import as_floats
@@ -122,12 +122,14 @@ def _files(path: Path) -> list[Path]:
     refuse_irregular(path)
     if path.is_file():
         return [path]
+    refuse_own(path)
     found: list[Path] = []
     level = [path]
     for _ in range(MAX_DEPTH):
         found += [p for folder in level for p in logs_in(folder)]
         level = [p for folder in level for p in folders_in(folder)]
     if not found:
+        refuse_only_own(path)
         raise InputError("contains no CSV or Parquet file", str(path), layout_remedy(path))
     return found
 

@@ -128,6 +128,20 @@ def refuse_own(path: Path) -> None:
         raise InputError(f"is {what}, not a log", str(path), REMEDY)
 
 
+def refuse_only_own(folder: Path) -> None:
+    """Refuse a folder all of whose logs are files that this program wrote.
+
+    Raises
+    ------
+    InputError
+        There is at least one, and no other.
+    """
+    logs = sorted(p for p in folder.iterdir() if looks_like_log(p))
+    if logs and all(own_output(p) for p in logs):
+        names = ", ".join(p.name for p in logs[:12])
+        raise InputError(f"contains only files that auvident wrote ({names})", str(folder), REMEDY)
+
+
 def left_out(paths: Sequence[Path]) -> tuple[Path, ...]:
     """Outputs of this program that a search for logs passes over: run directories and files."""
     found: list[Path] = []

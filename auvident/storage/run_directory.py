@@ -20,6 +20,7 @@ from auvident.storage.lock import locked
 
 MANIFEST = "run.json"
 PACKAGE = "package:"  # path of a file that comes with the program
+NAMED_RUNS = 5  # of a folder that was given in place of one of them
 PACKAGE_ROOT = Path(__file__).resolve().parents[1]
 EXPECTED = {"schema_": "auvident/run/1", "program": "auvident"}
 NOT_OURS = "It was not written by this program; use another run directory."
@@ -253,6 +254,10 @@ class RunDirectory:
         if (above / MANIFEST).is_file():
             return f"It is a folder of the run {above.name}; give that one."
         named = shlex.quote(str(self.path))
+        below = sorted(self.path.glob(f"*/{MANIFEST}"))
+        if below:
+            some = ", ".join(shlex.quote(str(place.parent)) for place in below[:NAMED_RUNS])
+            return f"Give one of the runs in it: {some}{', ...' * (len(below) > NAMED_RUNS)}."
         if self.path.is_dir() and any(self.path.iterdir()):
             return (
                 f"If it is the folder of a log, `auvident run {named} --vehicle V.toml --run RUN` "

@@ -88,3 +88,21 @@ def test_the_figure_says_pass_or_fail_and_draws_every_lag() -> None:
     assert "size pass: NIS 1" in drawn and "white fail: 20 % of the lags outside" in drawn
     (label,) = re.findall(r'aria-label="([^"]*)"', drawn)
     assert label.endswith("u: size pass, white fail")
+
+
+def test_panels_of_one_time_and_of_one_lag_stand_above_each_other() -> None:
+    """However long their numbers are: the axis below the last one is that of all."""
+    time = np.arange(0.0, 20.0, 0.1)
+    noise = np.random.default_rng(2).standard_normal(len(time))
+    table = pd.DataFrame({"maneuver": "turn-1", "role": "validate", "time_s": time})
+    for column, size in (("u_mps", 0.001), ("v_mps", 0.001), ("r_radps", 1.0)):
+        table[f"{column}_measured"] = size * noise
+        table[f"{column}_simulated"] = 0.0
+    unknown = left().model_copy(update={"autocorrelation": None})
+    tests = {"u": left(), "v": unknown, "r": left()}
+    with style():
+        drawn = innovations(table, tests, "validate", "one")
+    assert drawn is not None
+    stacks = re.findall(r'<div class="stack".*?(?=<div class="stack"|$)', drawn, re.DOTALL)
+    assert [s.count('class="panel"') for s in stacks] == [3, 3]
+    assert [s.count('class="head"') for s in stacks] == [3, 3]  # rows of one height

@@ -196,6 +196,7 @@ def side_by_side(*vehicles: str, held: Sequence[tuple[str, ...]] = ((), ())) -> 
         (side_by_side("A", "A"), ()),
         (side_by_side("A", "B"), ("different vehicles: A (2 m), B (2 m)",)),
         (side_by_side("A", "A", held=(("x",), ("y",))), ("different maneuvers",)),
+        (side_by_side("A", "A", held=(("x",), ())), ()),  # the second one has no errors yet
         (side_by_side("A", "B", held=(("x",), ("y",))), ("different vehicles", "different man")),
     ],
 )

@@ -226,6 +226,7 @@ def test_the_section_has_everything_of_the_diagnosis(data: ReportData, section: 
         "vary the speed while the rudder is amidships",
     ]
     wanted += ["0.5 % of healthy vehicles have a candidate as strong", "−0.129 to −0.113"]
+    wanted += ["p: how often the strongest candidate of a healthy vehicle"]
     assert [w for w in wanted if w not in section] == []
 
 

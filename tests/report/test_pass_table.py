@@ -29,3 +29,11 @@ def test_a_fit_shows_sensor_noise_and_disturbance_and_a_filter_what_it_used() ->
     assert fitted[table.heads.index("noise v_mps")] == ""
     assert fitted[table.heads.index("NIS u_mps")] == ""
     assert float(filtered[table.heads.index("NIS u_mps")]) > 0.0
+
+
+def test_a_fit_without_a_disturbance_shows_the_sensor_noise_alone() -> None:
+    model = identified("harbour_trial").model
+    white = FittedNoise(white_std=0.005, slow_std=0.0, slow_time_s=1.0)
+    fit = model.stages[-1].model_copy(update={"fitted_noise": {"u_mps": white}})
+    table = written(passes(model.model_copy(update={"stages": (fit,)})), PAGE)
+    assert table.rows[0][table.heads.index("noise u_mps")] == "0.0050"

@@ -629,8 +629,19 @@ def test_a_rudder_of_the_wrong_sign_is_refused_until_it_is_fixed(clean):
 def test_a_correction_that_nothing_proposes_is_wrong_usage():
     done = ingest_fixed(without(sailed(), "position"), BOAT, ["rpm_scale"])
     assert not done.proposed and not done.quality.fixed
-    with pytest.raises(UsageError, match="rpm_scale"):
-        refuse_unproposed(["rpm_scale"], done.proposed)
+    with pytest.raises(UsageError, match="rpm_scale") as refused:
+        refuse_unproposed(["rpm_scale"], done.proposed, [done.quality])
+    assert refused.value.remedy.startswith("Leave it out")
+
+
+def test_a_misspelt_correction_is_told_what_there_is():
+    off = changed(sailed(), r_radps=lambda x: x + 3 * DEG)
+    done = ingest_fixed(off, BOAT, ["yaw_rate_ofset"])
+    with pytest.raises(UsageError) as refused:
+        refuse_unproposed(["yaw_rate_ofset"], done.proposed, [done.quality])
+    assert refused.value.remedy == "Of these logs they propose yaw_rate_offset."
+    with pytest.raises(InputError, match="rudder_sgn names no correction; this one is rudder_sign"):
+        ingest_fixed(changed(sailed(), **times(-1.0, "rudder_rad")), BOAT, ["rudder_sgn"])
 
 
 def test_raw_trials_are_left_as_they_are():

@@ -151,6 +151,19 @@ def test_a_hull_that_hardly_keeps_its_course_is_pushed_in_the_pooled_model_too()
     assert pushes.std == pytest.approx([0.0, rms, 2.0 * rms, 0.0])
 
 
+def test_a_scatter_of_zero_is_not_told_as_one_that_the_claim_contains() -> None:
+    first, second = models()[:2]
+    rows = (
+        c.model_copy(update={"value": c.value + 8.0 * c.std}) if c.symbol == "N_uud" else c
+        for c in second.coefficients
+    )
+    found = pool(trials([first, second.model_copy(update={"coefficients": tuple(rows)})])).model
+    scatter = {p.symbol: p.between_std for p in found.pooling.parameters}
+    told = {f.where: f.message for f in found.findings if f.code == "trials-disagree" and f.where}
+    assert 0.0 in {scatter[name] for name in told}
+    assert all(("contains that" in text) == (scatter[name] > 0.0) for name, text in told.items())
+
+
 def test_it_is_a_model_like_any_other_within_what_physics_allows() -> None:
     found = pool(trials(models())).model
     read = IdentifiedModel.model_validate_json(found.model_dump_json(by_alias=True))

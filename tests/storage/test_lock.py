@@ -7,6 +7,7 @@ import socket
 import subprocess
 import sys
 import threading
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -15,7 +16,7 @@ from auvident.errors import InputError, InUseError, NumericsError, StageError
 from auvident.pipeline import run_stage, status
 from auvident.storage import lock
 from auvident.storage.run_directory import RunDirectory
-from tests.command_line import ENVIRONMENT, SAMPLES
+from tests.command_line import ENVIRONMENT, SAMPLES, Called
 
 TRIES = 4  # of a race between two programs: about two seconds each
 HOLD = (
@@ -133,6 +134,23 @@ def test_what_a_killed_process_has_left_does_not_block(tmp_path: Path, host: str
     with RunDirectory(tmp_path).lock():
         pass
     assert not (tmp_path / lock.LOCK_FILE).exists()
+
+
+def test_status_names_who_works_there_and_nobody_who_is_gone(
+    demo: Path, auvident: Callable[..., Called]
+) -> None:
+    assert json.loads(auvident("status", demo, "--json").out)["in_use"] is None
+    command = [sys.executable, "-c", HOLD, str(demo)]
+    with subprocess.Popen(command, env=ENVIRONMENT, text=True, stdout=subprocess.PIPE) as first:
+        assert first.stdout is not None and first.stdout.readline() == "locked\n"
+        called = auvident("status", demo)
+        who = f"process {first.pid} on {socket.gethostname()}"
+        assert called.code == 0
+        assert f"In use, so that this may change: {who}" in " ".join(called.err.split())
+        assert json.loads(auvident("status", demo, "--json").out)["in_use"].startswith(who)
+        first.kill()
+    assert (demo / lock.LOCK_FILE).exists()
+    assert json.loads(auvident("status", demo, "--json").out)["in_use"] is None
 
 
 @pytest.fixture

@@ -99,6 +99,9 @@ def test_on_change_reaches_the_sensor(tmp_path):
     [
         ("[rudder]\ncolour = 3\n", ("[rudder] colour", "unknown key")),
         ("[sonar]\nfile = 'a'\n", ("[sonar]", "unknown key")),
+        ("[dlv]\nfile = 'a'\n", ("[dlv] unknown key, did you mean dvl?",)),
+        ("[dvl]\nuu = 'a'\n", ("[dvl] uu: unknown key, did you mean u?",)),
+        ("[dvl]\nu = { colum = 'a' }\n", ("[dvl] u.colum: unknown key, did you mean column?",)),
         ("[rudder]\ntime = 3\n", ("[rudder] time", "3")),
         ("[rudder]\nrudder = 5\n", ("[rudder] rudder", "5")),
         ("[rudder]\nrudder = { column = 'a', sign = 2 }\n", ("[rudder] rudder.sign", "2")),

@@ -1,7 +1,8 @@
 """Ingest with the corrections that the user asks for, each proposed by a check of the trial."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
+from difflib import get_close_matches
 from typing import Any
 
 from auvident.errors import ContradictionError, UsageError
@@ -53,13 +54,22 @@ def ingest_fixed(
             found = {c.name: fix for c in made if (fix := c.fix or c.fix_if_asked)}
         except ContradictionError as error:
             if error.check not in wanted or not error.fix:
-                raise
+                raise _misspelt(error, wanted) from None
             found = {error.check: error.fix}
         proposed |= set(found)
         if not found:
             return CorrectedTrial(trial, _told(quality, done), frozenset(proposed))
         name = next(iter(found))
         raw, done = _corrected(raw, name, found[name]), {**done, name: found[name]}
+
+
+def _misspelt(error: ContradictionError, wanted: Collection[str]) -> ContradictionError:
+    """The same contradiction, where ``--fix`` nearly has the name of its correction, with that."""
+    meant = get_close_matches(error.check, wanted, n=1) if error.fix else []
+    if not meant:
+        return error
+    told = f"{error.remedy} --fix {meant[0]} names no correction; this one is {error.check}."
+    return ContradictionError(error.problem, error.where, told, error.check, error.fix)
 
 
 def _corrected(raw: RawTrial, name: str, fix: str) -> RawTrial:
@@ -80,12 +90,18 @@ def _told(quality: TrialQuality, done: dict[str, str]) -> TrialQuality:
     return quality.model_copy(update={"fixed": done, "findings": (*findings, *quality.findings)})
 
 
-def refuse_unproposed(fixes: Collection[str], proposed: Collection[str]) -> None:
-    """Refuse a correction that no check of any trial proposes."""
+def refuse_unproposed(
+    fixes: Collection[str], proposed: Collection[str], qualities: Iterable[TrialQuality] = ()
+) -> None:
+    """Refuse a correction that no check of any trial proposes, and name those that one does."""
     left = [name for name in fixes if name not in proposed]
     if left:
+        made = (check for quality in qualities for check in quality.checks_made)
+        others = dict.fromkeys(check.name for check in made if check.fix or check.fix_if_asked)
         raise UsageError(
             f"no check proposes a correction named {', '.join(left)}",
             "--fix",
-            "`auvident ingest` without --fix says what contradicts and which name corrects it.",
+            f"Of these logs they propose {', '.join(others)}."
+            if others
+            else "Leave it out: these logs have nothing to correct that a check is sure of.",
         )
