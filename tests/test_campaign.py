@@ -342,7 +342,8 @@ def test_a_process_that_is_killed_is_tried_again_and_then_told(tmp_path: Path) -
     assert (done.exit_code, done.problem, len(calls)) == (0, "", 2)
     start, calls = started(kill)
     (done,) = LocalProcesses(1, start).each([Job("v/a", ())])
-    assert (done.problem, len(calls)) == ("its process was killed (signal 9)", 2)
+    assert done.problem.startswith("its process was killed (signal 9), as the system does where")
+    assert "(`--jobs`)" in done.problem and len(calls) == 2
 
 
 def test_whoever_gives_up_leaves_no_process_behind() -> None:
