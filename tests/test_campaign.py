@@ -283,6 +283,21 @@ def queries_of_the_docs(output: Path) -> None:
         assert found["answer"] is not None
 
 
+def test_a_run_that_may_not_be_read_stops_no_other(
+    plan: CampaignPlan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Made by another user on a shared disk: its process says so."""
+
+    def refused(path: Path) -> None:
+        raise PermissionError(13, "Permission denied", str(path))
+
+    monkeypatch.setattr("auvident.pipeline.freshness.sha256_of", refused)
+    runner = Refusing()
+    done = run_campaign(plan, Observer(), runner=runner)
+    assert [job.key for job in runner.jobs] == ["runs/demo", "runs/second"]
+    assert [t.state for t in done.result.trials] == ["failed", "failed"]
+
+
 def test_a_dry_run_does_nothing(plan: CampaignPlan) -> None:
     runner = Refusing()
     done = run_campaign(plan, Observer(), dry_run=True, runner=runner)
