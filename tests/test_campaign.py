@@ -361,6 +361,12 @@ def test_a_process_that_is_killed_is_tried_again_and_then_told(tmp_path: Path) -
     assert "(`--jobs`)" in done.problem and len(calls) == 2
 
 
+def test_a_long_reason_shows_that_it_goes_on() -> None:
+    start, _ = started("import sys; sys.exit('Error: ' + 600 * 'x')")
+    (done,) = LocalProcesses(1, start).each([Job("v/a", ())])
+    assert len(done.problem) == 500 and done.problem.endswith("x ...")
+
+
 def test_whoever_gives_up_leaves_no_process_behind() -> None:
     start, calls = started("import sys, time; time.sleep(0 if sys.argv[1] == 'short' else 60)")
     jobs = [Job("v/short", ("short",)), *(Job(f"v/{k}", ("long",)) for k in range(3))]

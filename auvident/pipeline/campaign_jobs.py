@@ -123,7 +123,12 @@ def run_job(job: Job, wanted: Callable[[], bool], start: Start = subprocess.Pope
     if code < 0:
         problem = f"its process was killed (signal {-code})"
         problem += OUT_OF_MEMORY if code == -signal.SIGKILL else ""
-    return JobDone(job.key, code, problem[:LONGEST_PROBLEM], time.perf_counter() - began)
+    return JobDone(job.key, code, _shortened(problem), time.perf_counter() - began)
+
+
+def _shortened(text: str) -> str:
+    """A reason of some length, with a sign where it goes on."""
+    return text if len(text) <= LONGEST_PROBLEM else f"{text[: LONGEST_PROBLEM - 4]} ..."
 
 
 def _once(job: Job, wanted: Callable[[], bool], start: Start) -> tuple[int, str]:
