@@ -286,6 +286,21 @@ def queries_of_the_docs(output: Path) -> None:
         assert found["answer"] is not None
 
 
+def test_a_run_that_may_not_be_read_stops_no_other(
+    plan: CampaignPlan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Made by another user on a shared disk: its process says so."""
+
+    def refused(path: Path) -> None:
+        raise PermissionError(13, "Permission denied", str(path))
+
+    monkeypatch.setattr("auvident.pipeline.freshness.sha256_of", refused)
+    runner = Refusing()
+    done = run_campaign(plan, Observer(), runner=runner)
+    assert [job.key for job in runner.jobs] == ["runs/demo", "runs/second"]
+    assert [t.state for t in done.result.trials] == ["failed", "failed"]
+
+
 def test_a_dry_run_does_nothing(plan: CampaignPlan) -> None:
     runner = Refusing()
     done = run_campaign(plan, Observer(), dry_run=True, runner=runner)
@@ -345,7 +360,14 @@ def test_a_process_that_is_killed_is_tried_again_and_then_told(tmp_path: Path) -
     assert (done.exit_code, done.problem, len(calls)) == (0, "", 2)
     start, calls = started(kill)
     (done,) = LocalProcesses(1, start).each([Job("v/a", ())])
-    assert (done.problem, len(calls)) == ("its process was killed (signal 9)", 2)
+    assert done.problem.startswith("its process was killed (signal 9), as the system does where")
+    assert "(`--jobs`)" in done.problem and len(calls) == 2
+
+
+def test_a_long_reason_shows_that_it_goes_on() -> None:
+    start, _ = started("import sys; sys.exit('Error: ' + 600 * 'word ')")
+    (done,) = LocalProcesses(1, start).each([Job("v/a", ())])
+    assert 1980 < len(done.problem) <= 2004 and done.problem.endswith("word word ...")
 
 
 def test_whoever_gives_up_leaves_no_process_behind() -> None:

@@ -177,7 +177,7 @@ def _stands(plan: CampaignPlan, trial: PlannedTrial, until: str | None = None) -
     run = plan.run_of(trial)
     try:
         return run.is_dir() and up_to_date(run, options_of(trial, plan.allow_outside), until=until)
-    except AuvidentError:  # the run says so itself
+    except (AuvidentError, OSError):  # damaged, or not to be read: the run says so itself
         return False
 
 

@@ -6,6 +6,7 @@ and would lose its other work with a worker that is killed.
 """
 
 import os
+import signal
 import subprocess
 import sys
 import threading
@@ -24,6 +25,7 @@ from auvident.schema.quoting import first_words
 PROGRAM = ("-m", "auvident.pipeline.campaign_trial")
 ONE_THREAD = (VARIABLE, "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")
 ATTEMPTS = 2  # of a trial whose process was killed
+OUT_OF_MEMORY = ", as the system does where memory runs out: run fewer at a time (`--jobs`)"
 LONGEST_PROBLEM = 2000  # characters: what is wrong and what to do about it
 LOOK_S = 0.5  # how often a trial that runs is asked whether it is still wanted
 # A run directory may still be held by the process of a campaign, or of a worker, that was killed.
@@ -121,6 +123,7 @@ def run_job(job: Job, wanted: Callable[[], bool], start: Start = subprocess.Pope
     problem = said if code else ""
     if code < 0:
         problem = f"its process was killed (signal {-code})"
+        problem += OUT_OF_MEMORY if code == -signal.SIGKILL else ""
     told = first_words(problem, LONGEST_PROBLEM)
     return JobDone(job.key, code, told, time.perf_counter() - began)
 

@@ -191,7 +191,7 @@ def _incomparable(table: Mapping[str, Any], own: Mapping[str, Any], last: Mappin
     if own.get("ran_away"):  # the pooled errors are without these maneuvers
         return f"the prediction diverges in {', '.join(own['ran_away'])}"
     for run in (last, own):
-        if not run["held_out"] and run["run"] == run["model"]:
+        if not run["held_out"] and run["run"] == run.get("model"):
             return f"{run['run']} is a model by itself, which has no held-out error"
         if not run["held_out"]:
             named = typed(run["run"])

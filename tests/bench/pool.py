@@ -1,7 +1,9 @@
 """Are the claims of a pooled model true? (``tests.bench pool``)
 
 Trials of one vehicle, drawn from the prior, by equations of their own (`tests.bench.world`); each
-trial flies a part of the programme. They are identified one by one and pooled.
+trial flies a part of the programme. They are identified one by one and pooled. ``--rate 20`` has
+rows, and with them steps of the equations, of half the length: what the integration leaves out is
+one error of all trials.
 """
 
 import argparse
@@ -17,7 +19,7 @@ from auvident.stages.pool import PoolTrial, pool
 from auvident.stages.pool.carry import carrier
 from auvident.stages.pool.collect import collect
 from tests.bench.recovery import NOISE, SEEN, vehicle_and_prior
-from tests.bench.world import PROGRAMME, World, draw_truth, make_world
+from tests.bench.world import PROGRAMME, RATE_HZ, World, draw_truth, make_world
 from tests.engines.chain import plan_named
 
 PART = 6  # maneuvers of the programme that a trial flies, a straight run among them
@@ -28,10 +30,11 @@ def main(arguments: list[str], show: Callable[[str, list[dict[str, Any]]], None]
     parser = argparse.ArgumentParser(prog="python -m tests.bench pool", description=__doc__)
     parser.add_argument("--vehicles", type=int, default=30)
     parser.add_argument("--trials", type=int, default=8)
+    parser.add_argument("--rate", type=float, default=RATE_HZ, help="rows a second")
     options = parser.parse_args(arguments)
     rows, shares = [], []
     for seed in range(options.vehicles):
-        truth, models = models_of_one(seed, options.trials)
+        truth, models = models_of_one(seed, options.trials, rate_hz=options.rate)
         for count in (1, 2, 4, options.trials):
             if count <= len(models):
                 rows += list(errors(models[:count], truth))
@@ -41,25 +44,27 @@ def main(arguments: list[str], show: Callable[[str, list[dict[str, Any]]], None]
 
 
 def models_of_one(
-    seed: int, count: int, part: int = PART, plan: str = "refined"
+    seed: int, count: int, part: int = PART, plan: str = "refined", rate_hz: float = RATE_HZ
 ) -> tuple[dict[str, float], list[IdentifiedModel]]:
     """Models of so many trials of one vehicle, and the truth."""
     vehicle, ase = vehicle_and_prior()
     truth = draw_truth(ase, vehicle, np.random.default_rng(seed))
-    worlds = [world_of(truth, 1000 * seed + k, part) for k in range(count)]
+    worlds = [world_of(truth, 1000 * seed + k, part, rate_hz) for k in range(count)]
     done = (
         identify([w.trial], w.maneuvers, ase, vehicle, NOISE, plan=plan_named(plan)) for w in worlds
     )
     return truth, [found.model for found in done]
 
 
-def world_of(truth: dict[str, float], seed: int, part: int = PART) -> World:
+def world_of(
+    truth: dict[str, float], seed: int, part: int = PART, rate_hz: float = RATE_HZ
+) -> World:
     """One trial of a vehicle: a straight run and some other maneuvers of the programme."""
     vehicle, ase = vehicle_and_prior()
     rng = np.random.default_rng([seed, 1])
     others = rng.choice(np.arange(2, len(PROGRAMME)), part - 1, replace=False)
     chosen = [PROGRAMME[int(rng.integers(2))], *(PROGRAMME[i] for i in np.sort(others))]
-    return make_world(ase, vehicle, seed, chosen, truth)
+    return make_world(ase, vehicle, seed, chosen, truth, rate_hz)
 
 
 def pooled_of(models: list[IdentifiedModel]) -> IdentifiedModel:

@@ -14,7 +14,7 @@ from auvident.schema.artifacts import AseResult, Maneuver, Maneuvers
 from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
 
-RATE_HZ, DVL_EVERY = 10.0, 2  # rows per second; the DVL samples every second row
+RATE_HZ, DVL_HZ = 10.0, 5.0  # rows per second; samples of the DVL
 DVL_STD_MPS, GYRO_STD_RADPS = 0.005, 0.0009
 CRUISE_MPS, APPROACH_S, SETTLE_S = 1.5, 5.0, 60.0
 HARDEST_DEG, LEAST_MPS, MOST_RADPS = 20.0, 0.3, 1.2
@@ -147,14 +147,22 @@ def cruise_rate(c: dict[str, float]) -> float:
 
 
 @np.errstate(over="ignore", invalid="ignore")  # a vehicle that runs away is refused afterwards
-def sail(c: dict[str, float], vehicle: Vehicle, kind: str, rudder_deg, switch_deg, ratios):
+def sail(
+    c: dict[str, float],
+    vehicle: Vehicle,
+    kind: str,
+    rudder_deg,
+    switch_deg,
+    ratios,
+    rate_hz: float = RATE_HZ,
+):
     """States (n, 4), rudder and propeller rate (n,) of one maneuver with its approach."""
     rate = equations(c, vehicle)
-    step = 1.0 / RATE_HZ
+    step = 1.0 / rate_hz
     rudder, cruise = rudder_deg * DEGREE, cruise_rate(c)
     n = cruise * ratios[0]
     settled = solve_ivp(rate, (0, SETTLE_S), [1.0, 0, 0, 0], args=(0.0, n), rtol=1e-8).y[:, -1]
-    length = round(LENGTHS_S[kind] * RATE_HZ)
+    length = round(LENGTHS_S[kind] * rate_hz)
     levels = [round(k * length / len(ratios)) for k in range(len(ratios) + 1)]
     states, inputs = [settled], []
 
@@ -177,7 +185,7 @@ def sail(c: dict[str, float], vehicle: Vehicle, kind: str, rudder_deg, switch_de
         inputs.extend([(d, revs)] * end)
         return end
 
-    advance(round(APPROACH_S * RATE_HZ), 0.0, n)
+    advance(round(APPROACH_S * rate_hz), 0.0, n)
     done, side = 0, 1.0
     while done < length:
         level = next(k for k in range(len(ratios)) if done < levels[k + 1])
@@ -200,15 +208,20 @@ def make_world(
     seed: int,
     programme=PROGRAMME,
     truth: dict[str, float] | None = None,
+    rate_hz: float = RATE_HZ,
 ) -> World:
-    """A trial of the programme by a vehicle drawn from the prior, or by a given one."""
+    """A trial of the programme by a vehicle drawn from the prior, or by a given one.
+
+    The rate is that of the rows, by which the equations of the program are integrated, and of the
+    gyro.
+    """
     rng = np.random.default_rng(seed)
     truth = draw_truth(ase, vehicle, rng) if truth is None else truth
     tables, maneuvers, start = [], [], 0.0
     for number, (kind, rudder, switch, ratios) in enumerate(programme):
-        states, inputs = sail(truth, vehicle, kind, rudder, switch, ratios)
-        time = start + np.arange(len(states)) / RATE_HZ
-        tables.append(_measured(time, states, inputs, vehicle, rng).assign(record=number))
+        states, inputs = sail(truth, vehicle, kind, rudder, switch, ratios, rate_hz)
+        time = start + np.arange(len(states)) / rate_hz
+        tables.append(_measured(time, states, inputs, vehicle, rng, rate_hz).assign(record=number))
         maneuvers.append(
             Maneuver(
                 id=f"{kind}-{number}",
@@ -218,15 +231,15 @@ def make_world(
                 plane="horizontal",
                 planes=("horizontal",) if kind != "straight" else ("horizontal", "vertical"),
                 t_start_s=start + APPROACH_S,
-                t_end_s=float(time[-1]) + 1.0 / RATE_HZ,
+                t_end_s=float(time[-1]) + 1.0 / rate_hz,
             )
         )
         start = float(time[-1]) + 10.0
     table = pd.concat(tables, ignore_index=True)
-    return World(Trial("world", table, RATE_HZ), Maneuvers(maneuvers=tuple(maneuvers)), truth)
+    return World(Trial("world", table, rate_hz), Maneuvers(maneuvers=tuple(maneuvers)), truth)
 
 
-def _measured(time, states, inputs, vehicle: Vehicle, rng) -> pd.DataFrame:
+def _measured(time, states, inputs, vehicle: Vehicle, rng, rate_hz: float) -> pd.DataFrame:
     """What the sensors would log, on one clock; the DVL interpolated between its samples."""
     u, v, r, _ = states.T
     x, y = vehicle.dvl.x_m, vehicle.dvl.y_m
@@ -235,7 +248,7 @@ def _measured(time, states, inputs, vehicle: Vehicle, rng) -> pd.DataFrame:
         "u_mps": u - y * r + DVL_STD_MPS * noise[0],
         "v_mps": v + x * r + DVL_STD_MPS * noise[1],
     }
-    sampled = np.arange(len(time)) % DVL_EVERY == 0
+    sampled = np.arange(len(time)) % round(rate_hz / DVL_HZ) == 0
     for column, values in readings.items():
         readings[column] = np.interp(time, time[sampled], values[sampled])
     table = pd.DataFrame(

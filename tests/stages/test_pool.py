@@ -228,6 +228,36 @@ def test_a_log_that_two_runs_have_counts_once() -> None:
     assert found.values() == pytest.approx(without.values(), rel=1e-3)
 
 
+def test_a_log_that_counts_once_brings_no_effect_with_it() -> None:
+    """Two runs of a log, one without effects: the model is as that of the first run alone."""
+    (first, *_) = models()
+    bare = first.model_copy(
+        update={
+            "effects": (),
+            "covariance": without(first.covariance, [s for s in symbols_of(first) if "." in s]),
+        }
+    )
+    rows = [
+        PoolTrial("bare", bare, logs={"aa": "log"}),
+        PoolTrial("full", first, logs={"aa": "log"}),
+    ]
+    found = pool(rows)
+    assert [t.used for t in found.model.pooling.trials] == [True, False]
+    assert found.model.effects == () and not any("." in name for name in found.data.names)
+
+
+def symbols_of(model: IdentifiedModel) -> list[str]:
+    return list(model.covariance["symbols"])
+
+
+def without(covariance: dict, names: list[str]) -> dict:
+    """A covariance without some parameters."""
+    keep = [k for k, s in enumerate(covariance["symbols"]) if s not in names]
+    square = {"matrix", "scatter"} & covariance.keys()
+    rows = {k: [v[i] for i in keep] for k, v in covariance.items() if k not in square}
+    return rows | {k: [[covariance[k][i][j] for j in keep] for i in keep] for k in square}
+
+
 @pytest.mark.parametrize(
     ("what", "sentence"),
     [

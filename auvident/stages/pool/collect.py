@@ -104,8 +104,14 @@ class Collected:
         )
 
 
-def collect(trials: Sequence[PoolTrial]) -> Collected:
+def collect(trials: Sequence[PoolTrial], counted: Sequence[int] | None = None) -> Collected:
     """Trials over common parameters.
+
+    Parameters
+    ----------
+    trials : sequence of PoolTrial
+    counted : sequence of int, optional
+        Those that say which effects are the vehicle's: a trial that is given twice says it once.
 
     Raises
     ------
@@ -113,7 +119,7 @@ def collect(trials: Sequence[PoolTrial]) -> Collected:
         They are not of one vehicle, with what differs.
     """
     refuse_others(trials)
-    shared, partly = vehicle_effects(trials)
+    shared, partly = vehicle_effects([trials[k] for k in counted or range(len(trials))])
     names = _names(trials, shared)
     posteriors = [_posterior(t, names) for t in trials]
     unit = np.max([p.std_of_prior for p in posteriors], axis=0)

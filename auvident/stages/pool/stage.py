@@ -78,9 +78,9 @@ def pool(trials: Sequence[PoolTrial], *, keep: bool = False) -> PoolResult:
     """
     if not trials:
         raise InputError("there is no trial to pool", "", "Give run directories with a model.")
-    own = collect(trials)
     twice = copies(trials)
     first = [k for k in range(len(trials)) if k not in twice]
+    own = collect(trials, first)
     whole = about_common(own, first)
     out = {} if keep else strangers(whole, first)
     inside = [k for k in first if k not in out]
