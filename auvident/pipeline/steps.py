@@ -314,7 +314,7 @@ def _from_here(plan: "Plan") -> "Plan":
 
 
 def _has_headings(given: Given) -> bool:
-    return any(t.table["heading_rad"].notna().any() for t in given.trials)
+    return any(t.has_heading for t in given.trials)
 
 
 def _unexplained(
