@@ -187,9 +187,13 @@ def test_commands_look_at_the_plane_that_is_named(whole: Path, tmp_path: Path) -
     for plane in ("horizontal", "vertical"):
         text = call("export", whole, "--plane", plane, "--format", "json").out
         assert json.loads(text)["plane"] == plane
-        assert (
-            json.loads(call("plan-trial", whole, "--plane", plane, "--json").out)["plane"] == plane
-        )
+        asked = call("plan-trial", whole, "--plane", plane, "--json")
+        assert json.loads(asked.out)["plane"] == plane
+        assert "of a run of both" not in asked.err
+    unasked = call("plan-trial", whole)
+    assert "the horizontal plane, of a run of both: --plane vertical" in " ".join(
+        unasked.err.split()
+    )
     log, table = SAMPLES / "dive_trial", tmp_path / "predicted.csv"
     window = ("--from", "770", "--to", "790", "--samples", "4")
     done = call(

@@ -11,9 +11,10 @@ import pytest
 
 from auvident.engines.setup import Setup
 from auvident.errors import NumericsError
-from auvident.pipeline import STAGES, run_stage, status
+from auvident.pipeline import STAGES, run_stage, status, steps
 from auvident.pipeline.predict import find_model
 from auvident.pipeline.table import BY_NAME
+from auvident.schema.trial import Trial
 from tests import loop_world
 from tests.command_line import Called
 from tests.test_pipeline import RUN, decisions, states
@@ -303,3 +304,11 @@ def test_a_refinement_by_itself_makes_the_bytes_that_it_makes_in_a_run(demo: Pat
     assert len(made) == len(BY_NAME["refine"].writes)
     run_stage("refine", demo)
     assert {f: f.read_bytes() for f in made} == made
+
+
+@pytest.mark.parametrize(("headings", "logged"), [([], False), ([[]], False), ([[0.1]], True)])
+def test_a_log_may_have_no_heading_at_all(headings: list[list[float]], logged: bool) -> None:
+    """Without an attitude there is no such column in the table of a trial."""
+    tables = [pd.DataFrame({"heading_rad": h} if h else {"r_radps": [0.0]}) for h in headings]
+    given = SimpleNamespace(trials=[Trial("log", table, 10.0) for table in tables])
+    assert steps._has_headings(given) is logged

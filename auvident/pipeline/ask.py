@@ -18,6 +18,10 @@ if TYPE_CHECKING:
     from auvident.schema.artifacts import TrialPlan
     from auvident.schema.planes import Plane
 
+ONE_OF_BOTH = (
+    "These are maneuvers of the {} plane, of a run of both: --plane {} ranks those of the other."
+)
+
 
 def finished(path: Path, stage: str) -> Given:
     """The artifacts of a run whose stages are up to date as far as `stage`.
@@ -95,4 +99,8 @@ def plan_trial(path: Path, observer: Observer, plane: "Plane | None" = None) -> 
     from auvident.stages.plan_trial import plan_trial as rank
 
     model = find_model(path, given.model.plane)[1]
-    return rank(given.trials, given.maneuvers.maneuvers, model)
+    plan = rank(given.trials, given.maneuvers.maneuvers, model)
+    others = [p for p in planes_of(given.run) if p != plan.plane]
+    if others and plane is None:
+        observer.note(ONE_OF_BOTH.format(plan.plane, others[0]))
+    return plan

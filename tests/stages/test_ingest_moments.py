@@ -148,6 +148,49 @@ def test_a_scale_of_w_has_its_fix():
     assert checks({"w_mps": times(0.5)})["heave_scale"].fix.startswith("w_mps = 2.")
 
 
+def late(by_s: float, filtered: bool = False) -> Change:
+    """The depth of some time ago, or behind a filter of first order."""
+
+    def change(time: np.ndarray, x: np.ndarray) -> np.ndarray:
+        if not filtered:
+            return np.interp(time - by_s, time, x)
+        out, share = x.copy(), (time[1] - time[0]) / by_s
+        for k in range(1, out.size):
+            out[k] = out[k - 1] + share * (x[k] - out[k - 1])
+        return out
+
+    return change
+
+
+@pytest.mark.parametrize(
+    "change",
+    [late(-1.5), late(-0.7), late(0.7), late(1.5), late(0.45, filtered=True),
+     late(1.0, filtered=True), late(2.0, filtered=True)],
+)  # fmt: skip
+def test_a_late_depth_is_no_fault_of_w(change):
+    """Beside speed and pitch of now, w follows their slope: the depth seems to go by 3 times it."""
+    made = checks({"depth_m": change})
+    for name in ("heave_sign", "heave_scale", "speed_by_depth"):
+        assert made[name].outcome != "contradicts", made[name].message
+        assert not made[name].fix
+
+
+@pytest.mark.parametrize("factor", [-2.0, 0.5])
+def test_a_w_at_fault_is_no_fault_of_the_clock_of_the_depth(factor):
+    (raw,) = read_trials([SAMPLES / "dive_trial"])
+    dvl = raw.sensors["dvl"]
+    values = {**dvl.values, "w_mps": factor * dvl.values["w_mps"]}
+    wrong = {**raw.sensors, "dvl": replace(dvl, values=values)}
+    quality = ingest(replace(raw, sensors=wrong), BOAT)[1]
+    made = {c.name: c for c in quality.checks_made}
+    contradicted = "heave_sign" if factor < 0.0 else "heave_scale"
+    assert made[contradicted].outcome == "contradicts"
+    assert made["clock_depth"].outcome != "contradicts" and not made["clock_depth"].fix
+    if factor < 0.0:
+        assert made["clock_depth"].message == "see heave_sign"
+    assert "depth_lags_gyro" not in {f.code for f in quality.findings}
+
+
 @pytest.mark.parametrize("factor", [0.8, 1.1, 1.94])
 def test_a_dive_tells_the_scale_of_the_speed_without_a_position(factor):
     made = checks(dict.fromkeys(("u_mps", "v_mps", "w_mps"), times(factor)) | NO_POSITION)

@@ -5,7 +5,7 @@ t + lag. A correction is what has to be added to the stamps, the negative of the
 ``time_offset_s`` and ``time_drift_ppm`` of a map; the offset is that at the median of the stamps.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,6 +23,9 @@ from auvident.stages.ingest.clocks_judged import estimate_clocks
 
 PREFIX = "clock_"
 DRIFT_PREFIX = "drift_"
+# What the rate of depth is reckoned from, and what a clock of the depth is called
+RATE_OF_DEPTH = ("pitch_sign", "heave_sign", "heave_scale")
+OF_THE_DEPTH, LATE_DEPTH = (PREFIX + "depth", DRIFT_PREFIX + "depth"), "depth_lags_gyro"
 DRIFT_S = 0.15  # gained from the middle to the end: 0.3 s over a trial, as `LATE_S`
 REFUSED = ("gyro", "dvl", "rudder", "elevator", "rpm")  # what the equations take
 # A lag of these that is longer leaves nothing to identify; what is shorter a delay in the model
@@ -159,6 +162,39 @@ def refuse_clocks(raw: RawTrial, vehicle: Vehicle, trial: Trial, clocks: Clocks)
             raise ContradictionError(
                 check.message, raw.sensors[sensor].file, remedy, check.name, check.fix_if_asked
             )
+
+
+def not_of_the_depth(
+    checks: Sequence[CheckMade], findings: Sequence[Finding], made: Sequence[CheckMade]
+) -> tuple[tuple[CheckMade, ...], tuple[Finding, ...]]:
+    """Clocks and their findings without those of the depth, where pitch or w is what contradicts.
+
+    The rate of depth that a w of the wrong sign or scale makes fits the depth better with a lag,
+    and moved stamps would be a second fault.
+
+    Parameters
+    ----------
+    checks, findings : sequence
+        Of the clocks.
+    made : sequence of CheckMade
+        Of signs and scales.
+    """
+    wrong = next(
+        (c.name for c in made if c.name in RATE_OF_DEPTH and c.outcome == "contradicts"), ""
+    )
+    if not wrong:
+        return tuple(checks), tuple(findings)
+    blank = {"low": None, "high": None, "remedy": "", "fix": "", "fix_if_asked": ""}
+    blank |= {"outcome": "untested", "value": None, "message": f"see {wrong}"}
+    return (
+        tuple(
+            c.model_copy(update=blank)
+            if c.name in OF_THE_DEPTH and c.outcome == "contradicts"
+            else c
+            for c in checks
+        ),
+        tuple(f for f in findings if f.code != LATE_DEPTH),
+    )
 
 
 def _checks(raw: RawTrial, sensor: str, found: ClockLag, passage: float) -> list[CheckMade]:

@@ -21,6 +21,7 @@ from auvident.schema.vehicle import Vehicle
 from auvident.stages.ingest.alignment import check_alignment
 from auvident.stages.ingest.checks import Seen, run_checks
 from auvident.stages.ingest.clean import CleanSensor, Series
+from auvident.stages.ingest.clocks import not_of_the_depth
 from auvident.stages.ingest.outliers import noise_std, resolution
 from auvident.stages.ingest.pace import pace_of
 from auvident.stages.ingest.remarks import sampling_findings
@@ -59,6 +60,7 @@ def report(
     made, contradicted = run_checks(
         Seen(raw, trial, vehicle, aligned.heading, aligned.rudder, aligned.sign)
     )
+    clocks, of_clocks = not_of_the_depth(aligned.checks_made, aligned.findings, made)
     findings = (
         *contradicted,
         *raw.findings,
@@ -74,7 +76,7 @@ def report(
         *unit_by_span(raw.sensors),
         *a_day_apart(raw.sensors),
         *_too_quick(own, float(time[-1] - time[0]), pace_of(raw.sensors, vehicle).passage_s),
-        *aligned.findings,
+        *of_clocks,
     )
     return TrialQuality(
         trial=raw.name,
@@ -88,7 +90,7 @@ def report(
         records=_records(trial),
         alignment=aligned.alignment,
         checks=aligned.checks,
-        checks_made=(*made, *aligned.checks_made),
+        checks_made=(*made, *clocks),
         findings=findings,
     )
 

@@ -1,5 +1,6 @@
 """Heave, pitch and depth against each other: d(depth)/dt = w cos(pitch) - u sin(pitch)."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,10 +13,13 @@ from auvident.stages.ingest.response import (
     Signals,
     fit_relation,
     kept_on_the_grid,
+    shifted,
     smooth_records,
 )
 
 MARGIN_S = 2.0  # as in the checks of the horizontal plane
+AT_ONCE_S, DEPTH_LAGS_S = (0.0, 0.0), (-MARGIN_S, MARGIN_S)
+LATE = "a depth that is late or early may be what does not fit; see clock_depth"
 LEAST_EXPLAINED = 0.6  # of the variance of the rate of depth
 LEAST_ALONE = 0.02  # of it by a term alone: a w of noise shows no sign
 LEAST_ASIDE = 0.1  # of the variance of the depth rate that speed and pitch leave
@@ -126,6 +130,8 @@ def heave_by_depth(seen: Seen) -> Verdict:
         return untested(LITTLE_HEAVE)
     gain = Figure.of(found, 1)
     if gain.value < -SIGN_STDS * gain.std:
+        if _is_late(seen, lambda gain: gain < 0.0):
+            return untested(LATE)
         return gain.verdict(
             "contradicts",
             f"the depth changes against the heave ({gain.value:+.2f} of it)",
@@ -156,6 +162,9 @@ def speed_by_depth(seen: Seen) -> Verdict:
         )
     if both.heave_left < CLEARLY * both.speeds_left:
         return untested("w does not fit the rate of depth")
+    later, _ = _fitted(seen, _dvl_records(seen), of_all=True, lags_s=DEPTH_LAGS_S)
+    if later is None or later.at_edge or abs(later.theta[0] - 1.0) <= told:
+        return untested(LATE)
     either = CLEARLY * both.heave_left < both.speeds_left and both.heave.theta[0] > 0.0
     other = f", or w alone {1.0 / both.heave.theta[0]:.2f} times" if either else ""
     return gain.verdict(
@@ -179,6 +188,8 @@ def heave_scale(seen: Seen) -> Verdict:
     told = HEAVE_LIMIT + SIGN_STDS * gain.std
     if abs(gain.value - 1.0) <= told:
         return gain.verdict("agrees", f"w fits the depth (tested to {100 * told:.0f} %)")
+    if _is_late(seen, lambda gain: abs(gain - 1.0) > HEAVE_LIMIT):
+        return untested(LATE)
     return gain.verdict(
         "contradicts",
         f"the depth changes by {gain.value:.2f} times the heave, beside speed and pitch",
@@ -207,12 +218,7 @@ class Sinking:
 
 def _sinking_by_dvl(seen: Seen) -> Sinking | None:
     """Both readings of the rate of depth at the DVL's place; None without all that it takes."""
-    columns = {"u": "u_mps", "v": "v_mps", "w": "w_mps", "pitch": "pitch_rad", "depth": "depth_m"}
-    columns |= {"q": "q_radps", "r": "r_radps"}
-    if not seen.has(*columns.values()):
-        return None
-    columns |= {"roll": "roll_rad"} if seen.has("roll_rad") else {}
-    records = smooth_records(seen.trial, columns, MARGIN_S)
+    records = _dvl_records(seen)
     heave, heave_left = _fitted(seen, records, of_all=False)
     speeds, speeds_left = _fitted(seen, records, of_all=True)
     if heave is None or speeds is None:
@@ -220,11 +226,52 @@ def _sinking_by_dvl(seen: Seen) -> Sinking | None:
     return Sinking(heave, speeds, heave_left, speeds_left)
 
 
-def _fitted(seen: Seen, records: list[Signals], *, of_all: bool) -> tuple[Relation | None, float]:
-    """Relation of the rate of depth to w, or to all speeds, and the sum of squares it leaves."""
+def _is_late(seen: Seen, is_wrong: Callable[[float], bool]) -> bool:
+    """Whether a depth that is late or early may be what contradicts, and not w.
+
+    One that is late by a second, as behind a filter, changes as speed and pitch say of a second
+    ago. What is missing then goes with their slope, and so does w: beside them the depth seems to
+    change by two or three times the heave, or against it where the depth is early.
+
+    Parameters
+    ----------
+    seen : Seen
+    is_wrong : callable
+        What the depth changes by over what w says -> whether that contradicts.
+    """
+    records = _dvl_records(seen)
+    _, by_heave = _fitted(seen, records, of_all=False)
+    _, by_lag = _fitted(seen, records, of_all=True, lags_s=DEPTH_LAGS_S)
+    both, _ = _fitted(seen, records, of_all=False, lags_s=DEPTH_LAGS_S)
+    if both is None or by_lag < CLEARLY * by_heave:
+        return True
+    return not is_wrong(float(both.theta[0]))
+
+
+def _dvl_records(seen: Seen) -> list[Signals]:
+    """What the rate of depth of the DVL's place takes; none without all of it."""
+    columns = {"u": "u_mps", "v": "v_mps", "w": "w_mps", "pitch": "pitch_rad", "depth": "depth_m"}
+    columns |= {"q": "q_radps", "r": "r_radps"}
+    if not seen.has(*columns.values()):
+        return []
+    columns |= {"roll": "roll_rad"} if seen.has("roll_rad") else {}
+    return smooth_records(seen.trial, columns, MARGIN_S)
+
+
+def _fitted(
+    seen: Seen,
+    records: list[Signals],
+    *,
+    of_all: bool,
+    lags_s: tuple[float, float] = AT_ONCE_S,
+) -> tuple[Relation | None, float]:
+    """Relation of the rate of depth to w, or to all speeds, and the sum of squares it leaves.
+
+    The depth is late by the lag that fits best.
+    """
 
     def relation(s: Signals, lag: float) -> tuple[np.ndarray, np.ndarray]:
-        rate, by_heave, aside = _parts_of_sinking(s, seen.vehicle.dvl.x_m)
+        rate, by_heave, aside = _parts_of_sinking(s, lag, seen.vehicle.dvl.x_m)
         own = by_heave + aside if of_all else by_heave
         x = np.column_stack((own, s["u"], np.ones_like(own)))  # u: with a pitch that is off
         return (rate if of_all else rate - aside), x
@@ -232,24 +279,32 @@ def _fitted(seen: Seen, records: list[Signals], *, of_all: bool) -> tuple[Relati
     def under_way(s: Signals) -> np.ndarray:
         return np.abs(s["u"]) > seen.way_mps
 
-    found = fit_relation(records, relation, (0.0, 0.0), under_way)
+    found = fit_relation(records, relation, lags_s, under_way)
     if found is None:
         return None, 0.0
     left = 0.0
     for s in records:
-        rate, x = relation(s, 0.0)
-        left += float(np.sum((rate - x @ found.theta)[under_way(s)] ** 2))
+        rate, x = relation(s, found.lag_s)
+        left += float(np.sum((rate - x @ found.theta)[under_way(s) & _inside(s)] ** 2))
     return found, left
 
 
-def _parts_of_sinking(s: Signals, arm_m: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _inside(s: Signals) -> np.ndarray:
+    """Rows of a record in which a lag takes nothing from beyond it."""
+    since, until = s["time"] - s["time"][0], s["time"][-1] - s["time"]
+    return (since >= MARGIN_S) & (until >= MARGIN_S)
+
+
+def _parts_of_sinking(
+    s: Signals, late_s: float, arm_m: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Rate of depth of the DVL's place; parts of it by w, and by u and v, as it reads them."""
     roll = s["roll"] if "roll" in s else np.zeros_like(s["u"])
     level = np.cos(s["pitch"])
     turning = arm_m * (s["q"] * np.cos(roll) - s["r"] * np.sin(roll)) * level
     by_heave = s["w"] * np.cos(roll) * level
     aside = -s["u"] * np.sin(s["pitch"]) + s["v"] * np.sin(roll) * level
-    return s["depth_dot"] - turning, by_heave, aside
+    return shifted(s, "depth_dot", -late_s) - turning, by_heave, aside
 
 
 def pitch_rate(seen: Seen) -> Verdict:
