@@ -97,7 +97,7 @@ FAILING: dict[str, tuple[Any, dict[str, Any]]] = {
             "unsettled": {"settled": False},
             "gain": {"gain": 19.0, "by_others": 19.0},
             "of-best": {"by_others": 1700.0},
-            "small": {"size": 0.9},
+            "small": {"id": "rudder_lag", "size": 0.9},  # of water that helps as much any matters
             "impossible": {"impossible": True},
             "maneuvers": {"maneuvers": 1},
         },
@@ -337,6 +337,15 @@ def test_the_best_one_is_left_out_although_small_as_it_may_hide_others() -> None
     (first, refusal), (second, _) = judge(pair, lambda _: left_out())
     assert refusal is not None and refusal.code == "small"
     assert (first.helped is not None, second.helped is not None) == (True, False)
+
+
+@pytest.mark.parametrize(
+    ("effect", "fall", "refused"),
+    [("current", 0.5, ""), ("current", 0.49, "small"), ("rudder_lag", 0.9, "small")],
+)
+def test_water_that_makes_good_half_of_an_error_matters_however_slow(effect, fall, refused) -> None:
+    slow = replace(other(effect, size=0.4), falls={"u": fall, "v": 0.1, "r": -0.1})
+    assert codes(judge([slow], lambda _: left_out())) == {effect: refused}
 
 
 @pytest.mark.parametrize(
