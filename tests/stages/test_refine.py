@@ -16,6 +16,7 @@ from auvident.schema.artifacts import Finding, IdentifiedModel, Maneuvers
 from auvident.schema.diagnosis import (
     Attempt,
     Candidate,
+    ChannelError,
     Comparison,
     Diagnosis,
     EffectFound,
@@ -34,7 +35,7 @@ from auvident.stages.refine.attempts import (
     findings_of,
     tried_with,
 )
-from auvident.stages.refine.compare import pooled
+from auvident.stages.refine.compare import given_away, pooled
 from tests.engines.chain import identified, plan_named, sample
 
 DT, N = 0.1, 600
@@ -762,6 +763,22 @@ def test_a_channel_that_the_refined_model_predicts_worse_is_a_finding() -> None:
         "identified one"
     )
     assert found.held_out.difference["r"].low > 0.0
+
+
+def test_a_channel_that_the_fit_took_for_noise_is_told() -> None:
+    """Five zigzags alone: the noise of u ended at twice its spread, 13 times what it has to be."""
+    seen = diagnosis().model_copy(update={"checks": {"rms": {"after": {"u": 0.005, "r": 0.1}}}})
+    errors = {
+        "u": ChannelError(rmse=0.064, nrmse=0.24, unit="m/s"),
+        "v": ChannelError(rmse=9.0, nrmse=9.0, unit="m/s"),  # nobody fitted it
+        "r": ChannelError(rmse=0.39, nrmse=0.02, unit="rad/s"),
+    }
+    own = HeldOut(maneuvers=(), before=errors, after=errors)
+    (finding,) = given_away(seen, own)
+    assert (finding.where, finding.value) == ("u", pytest.approx(12.8))
+    assert "off by 0.064 m/s" in finding.message and "to 0.005 m/s" in finding.message
+    assert "--plan coloured" in finding.remedy
+    assert given_away(diagnosis(), own) == ()
 
 
 def test_a_refinement_that_changed_nothing_is_not_called_worse() -> None:
