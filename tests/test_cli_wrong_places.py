@@ -24,7 +24,7 @@ from tests.command_line import Called
         (("inspect", "runs/demo/ingest"), 3, "contains only files that auvident wrote"),
         (("export", "nothing"), 4, "Run `auvident ingest LOG... --vehicle V.toml --run nothing`"),
         (("plan-trial", "runs/demo/identify/model.json"), 2, "Give the run directory, runs/demo."),
-        (("compare", "runs/demo", "model.json"), 2, "Choose another folder."),
+        (("compare", "runs/demo", "runs/demo/run.json"), 4, "Give a model.json that auvident has"),
         (("export", "runs/demo/ingest/quality.json"), 4, "its schema is 'auvident/quality/1'"),
         (("pool", "runs/demo/run.json"), 4, "Give a model.json that auvident has written."),
     ],
