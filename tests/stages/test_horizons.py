@@ -1,5 +1,7 @@
 """How far held-out maneuvers extrapolate, and errors of predictions over short horizons."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,7 @@ from auvident.engines.records import Record
 from auvident.report.held_out_words import beyond
 from auvident.schema.artifacts import Maneuver, Maneuvers
 from auvident.stages.validate.horizons import windows_of
+from auvident.stages.validate.stage import windows_lost
 from tests.engines.chain import sample, validated
 
 
@@ -67,3 +70,10 @@ def test_a_short_horizon_has_the_smaller_error_of_what_adds_up() -> None:
 def test_every_held_out_maneuver_of_a_sample_is_looked_at() -> None:
     held = {m.id for m in sample("harbour_trial").maneuvers.maneuvers if m.role == "validate"}
     assert set(validated("harbour_trial").metrics.extrapolation) == held
+
+
+def test_windows_whose_prediction_diverges_are_told() -> None:
+    good, lost = SimpleNamespace(ran_away=False), SimpleNamespace(ran_away=True)
+    (finding,) = windows_lost({"5": [good] * 9, "20": [good, lost, good]})
+    assert (finding.code, finding.where, finding.value) == ("window-ran-away", "20 s", 1.0)
+    assert finding.message.startswith("the prediction diverges in 1 of 3 windows")

@@ -106,8 +106,8 @@ def validate(
     prior = {"ase": _metrics(before, plain, estimate), "estimated": estimated}
     metrics = metrics.model_copy(update=prior)
     findings = (*metrics.findings, *findings_of(metrics, model, estimated))
-    metrics = metrics.model_copy(update={"findings": findings})
     dts = {trial.name: 1.0 / trial.rate_hz for trial in trials}
+    cut = _in_windows(trials, maneuvers, model)
     bands = [band_of(model, p.record, dts[p.maneuver.trial]) for p in after]
     metrics = metrics.model_copy(
         update={
@@ -118,7 +118,8 @@ def validate(
             ),
             "cross_validation": cross_validation_of(model),
             "residuals": _residuals(after, model, min(dts.values())),
-            "horizons": _at_horizons(trials, maneuvers, model, metrics),
+            "horizons": _at_horizons(cut, model.plane, metrics.summary.get("validate", {})),
+            "findings": (*findings, *windows_lost(cut)),
             "extrapolation": beyond_in_turn(
                 [p.record for p in after if p.maneuver.role == "validate"],
                 [p.record for p in after if p.maneuver.role == "identify"],
@@ -156,19 +157,37 @@ def predict_all(
     ]
 
 
+def _in_windows(
+    trials: Sequence[Trial], maneuvers: Maneuvers, model: IdentifiedModel
+) -> dict[str, list[Prediction]]:
+    """Predictions of the held-out maneuvers in windows, by their length in seconds."""
+    p = vector_behind(model)
+    return {f"{h:g}": predict_all(trials, windows_of(maneuvers, h), model, p) for h in HORIZONS_S}
+
+
 def _at_horizons(
-    trials: Sequence[Trial], maneuvers: Maneuvers, model: IdentifiedModel, metrics: Metrics
+    cut: Mapping[str, Sequence[Prediction]], plane: Plane, free: Mapping[str, ChannelMetrics]
 ) -> dict[str, dict[str, ChannelMetrics]]:
-    """Errors of the held-out maneuvers predicted in windows, by their length in seconds."""
-    free = metrics.summary.get("validate", {})
-    found = {}
-    for horizon_s in HORIZONS_S:
-        windows = windows_of(maneuvers, horizon_s)
-        cut = predict_all(trials, windows, model, vector_behind(model))
-        errors = _pooled([p for p in cut if not p.ran_away], model.plane)
-        if errors:
-            found[f"{horizon_s:g}"] = over_the_same_spread(errors, free)
-    return found
+    """Errors of the windows that do not run away, as shares of what varies in whole maneuvers."""
+    errors = {s: _pooled([p for p in made if not p.ran_away], plane) for s, made in cut.items()}
+    return {s: over_the_same_spread(found, free) for s, found in errors.items() if found}
+
+
+def windows_lost(cut: Mapping[str, Sequence[Prediction]]) -> tuple[Finding, ...]:
+    """Windows whose errors are not in those of their horizon."""
+    lost = {horizon: sum(p.ran_away for p in made) for horizon, made in cut.items()}
+    return tuple(
+        Finding(
+            code="window-ran-away",
+            where=f"{horizon} s",
+            value=float(count),
+            message=f"the prediction diverges in {count} of {len(cut[horizon])} windows of this "
+            "length, so their errors are not in those of this horizon",
+            remedy="The model is unstable where these begin: trust no error of this horizon.",
+        )
+        for horizon, count in lost.items()
+        if count
+    )
 
 
 def _predict(maneuver: Maneuver, trial: Trial, model: IdentifiedModel, p: Array) -> Prediction:
