@@ -765,14 +765,16 @@ def test_a_channel_that_the_refined_model_predicts_worse_is_a_finding() -> None:
     assert found.held_out.difference["r"].low > 0.0
 
 
-def test_a_channel_that_the_fit_took_for_noise_is_told() -> None:
+def test_a_channel_that_the_diagnosis_follows_and_the_model_does_not_is_told() -> None:
     """Five zigzags alone: the noise of u ended at twice its spread, 13 times what it has to be."""
     seen = diagnosis().model_copy(update={"checks": {"rms": {"after": {"u": 0.005, "r": 0.1}}}})
     errors = {
         "u": ChannelError(rmse=0.064, nrmse=0.24, unit="m/s"),
         "v": ChannelError(rmse=9.0, nrmse=9.0, unit="m/s"),  # nobody fitted it
-        "r": ChannelError(rmse=0.39, nrmse=0.02, unit="rad/s"),
+        "r": ChannelError(rmse=0.39, nrmse=0.2, unit="rad/s"),  # not four times as large
     }
+    small = {"u": ChannelError(rmse=0.064, nrmse=0.09, unit="m/s")}  # of what u varies by
+    assert given_away(seen, HeldOut(maneuvers=(), before=small, after=small)) == ()
     own = HeldOut(maneuvers=(), before=errors, after=errors)
     (finding,) = given_away(seen, own)
     assert (finding.where, finding.value) == ("u", pytest.approx(12.8))

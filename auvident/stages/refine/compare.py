@@ -42,6 +42,7 @@ SMALLEST = float(np.finfo(float).tiny)
 # Error of a channel in the identifying maneuvers over what the diagnosis leaves of it: of 893 of
 # models of 260 drawn trials and of unusual ones that all currents are in the largest is 3.3.
 GIVEN_AWAY = 4.0
+LEAST_GIVEN_AWAY = 0.1  # of what the channel varies by; less is little to give away
 HEADING = "heading_rad"  # counts from the start of each maneuver
 AXES = ("north_m", "east_m")  # of the track
 
@@ -84,9 +85,10 @@ def worse_channels(held_out: HeldOut) -> tuple[Finding, ...]:
 
 
 def given_away(diagnosis: Diagnosis, identify: HeldOut) -> tuple[Finding, ...]:
-    """Channels of the identifying maneuvers that a fit took for noise, and the diagnosis fits.
+    """Channels of the identifying maneuvers that the diagnosis follows, and the model does not.
 
-    A large and slow residual counts for little, so that it may grow and then counts for less.
+    A large and slow residual counts for little, so that it may grow and then counts for less; and
+    of a hull that hardly keeps its course the errors of the starts grow.
     """
     left = diagnosis.checks.get("rms", {}).get("after", {})
     return tuple(
@@ -96,14 +98,16 @@ def given_away(diagnosis: Diagnosis, identify: HeldOut) -> tuple[Finding, ...]:
             value=error.rmse / left[name],
             threshold=GIVEN_AWAY,
             message=f"the model is off by {_shown(error)} in the maneuvers it was identified from, "
-            f"which the fit of the diagnosis follows to {_shown(_replaced(error, left[name]))}: "
-            "the identification took for noise what coefficients and small effects can follow",
-            remedy="Identify with `--plan coloured`, which counts a slow residual otherwise, and "
-            "compare the held-out errors; `auvident plan-trial RUN` ranks the maneuvers that "
-            "would tell more.",
+            f"which the fit of the diagnosis, with small effects and starts of its own, follows to "
+            f"{_shown(_replaced(error, left[name]))}",
+            remedy="Its coefficients may be far from those that these data ask for: identify with "
+            "`--plan coloured`, which counts a slow residual otherwise, and compare the held-out "
+            "errors; `auvident plan-trial RUN` ranks the maneuvers that would tell more.",
         )
         for name, error in identify.after.items()
-        if left.get(name) and error.rmse > GIVEN_AWAY * left[name] and math.isfinite(error.rmse)
+        if left.get(name)
+        and GIVEN_AWAY * left[name] < error.rmse < math.inf
+        and error.nrmse > LEAST_GIVEN_AWAY
     )
 
 
