@@ -22,8 +22,8 @@ from uuid import uuid4
 
 from auvident import __version__
 from auvident.errors import UsageError
-from auvident.pipeline.campaign_jobs import LONGEST_PROBLEM, Job, JobDone, environment, run_job
-from auvident.schema.quoting import first_words
+from auvident.pipeline.campaign_jobs import Job, JobDone, environment, run_job
+from auvident.schema.quoting import LONGEST_PROBLEM, first_words
 
 if TYPE_CHECKING:
     from distributed import Client, Future

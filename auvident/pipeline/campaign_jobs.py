@@ -20,13 +20,12 @@ from typing import Protocol
 from auvident.errors import InUseError
 from auvident.parallel import VARIABLE
 from auvident.pipeline.campaign_trial import STARTED_BY
-from auvident.schema.quoting import first_words
+from auvident.schema.quoting import LONGEST_PROBLEM, first_words
 
 PROGRAM = ("-m", "auvident.pipeline.campaign_trial")
 ONE_THREAD = (VARIABLE, "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")
 ATTEMPTS = 2  # of a trial whose process was killed
 OUT_OF_MEMORY = ", as the system does where memory runs out: run fewer at a time (`--jobs`)"
-LONGEST_PROBLEM = 2000  # characters: what is wrong and what to do about it
 LOOK_S = 0.5  # how often a trial that runs is asked whether it is still wanted
 # A run directory may still be held by the process of a campaign, or of a worker, that was killed.
 IN_USE_ATTEMPTS, IN_USE_PAUSE_S = 5, 2.0

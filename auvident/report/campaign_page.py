@@ -13,13 +13,13 @@ from auvident.report.numbers import PAGE
 from auvident.report.tables import written
 from auvident.schema.campaign import CampaignResult, CampaignVehicleResult
 from auvident.schema.pooled import PooledModel
+from auvident.schema.quoting import LONGEST_PROBLEM
 
 if TYPE_CHECKING:
     from jinja2 import Template
     from markupsafe import Markup
 
 FOLDER = Path(__file__).resolve().parent
-LONGEST_WHY = 2000  # characters of what is wrong with a trial, and what to do about it
 FEW_NRMSE = 3  # channels of which errors are shown
 
 
@@ -43,7 +43,7 @@ def render_campaign(result: CampaignResult, models: Mapping[str, PooledModel]) -
         vehicles=vehicles,
         trials=len(result.trials),
         failed=sum(t.state == "failed" for t in result.trials),
-        repeats=tables.repeats(result, longest=LONGEST_WHY),
+        repeats=tables.repeats(result, longest=LONGEST_PROBLEM),
     )
 
 

@@ -5,6 +5,7 @@ terminal. Of HTML the template engine is the one place.
 """
 
 LONGEST_TEXT = 200  # characters of a name or value that a message quotes
+LONGEST_PROBLEM = 2000  # ... of what is wrong with a trial and what to do about it
 
 
 def quoted(text: str) -> str:
