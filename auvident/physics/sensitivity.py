@@ -25,7 +25,7 @@ from typing import NamedTuple
 import numpy as np
 
 from auvident.jit import borrowing, kernel
-from auvident.physics.batch import ADVANCE, N_POINTS, SHARE, inverse_mass, place_powers
+from auvident.physics.batch import ADVANCE, N_POINTS, SHARE, inverse_mass
 from auvident.physics.term_tables import (
     LEAD,
     N_INPUTS,
@@ -41,11 +41,9 @@ from auvident.physics.term_tables import (
     standing_in,
 )
 
-POINT_PLACES = SLOPES + N_VARIABLES * N_POWERS  # values of a point: powers, 1, their derivatives
-N_PLACES = N_POINTS * POINT_PLACES
+N_PLACES = SLOPES + N_VARIABLES * N_POWERS  # values of a point: powers, 1, their derivatives
 WEIGHTS = N_PARTIALS  # of a force at a point: after its slopes its weight in each state at the end
-POINT_SLOPES = WEIGHTS + N_STATES
-N_SLOPES = N_POINTS * POINT_SLOPES
+N_SLOPES = WEIGHTS + N_STATES
 
 
 class System(NamedTuple):
@@ -86,12 +84,12 @@ class StepWork(NamedTuple):
 
     Attributes
     ----------
-    value : (N_PLACES,) array
-        Powers, 1 and derivatives of the powers, point by point.
-    f : (3, 1) array
+    value : (N_PLACES, 4) array
+        Powers, 1 and derivatives of the powers, by point.
+    f : (3,) array
         Forces.
-    f_x : (3, N_SLOPES) array
-        Slopes of the forces and their weights, point by point.
+    f_x : (3, N_SLOPES, 4) array
+        Slopes of the forces and their weights, by point.
     stage : (4, >= 1) array
         State at the point.
     rate : (4, 4) array
@@ -153,38 +151,46 @@ def system_at(p, active, column, scale, moving, input_columns, equations):
 def step_work(columns):
     """Work arrays for sensitivities of that many columns."""
     return StepWork(
-        np.ones(N_PLACES),
-        np.zeros((N_VELOCITIES, 1)),
-        np.zeros((N_VELOCITIES, N_SLOPES)),
+        np.ones((N_PLACES, N_POINTS)),
+        np.zeros(N_VELOCITIES),
+        np.zeros((N_VELOCITIES, N_SLOPES, N_POINTS)),
         np.zeros((N_STATES, columns)),
         np.zeros((N_STATES, N_POINTS)),
     )
 
 
 @borrowing
-def _place_slopes(variable, y, inner, value):
-    """Derivative of every power (`place_powers`) of y, times `inner`, the derivative of y."""
-    at, absolute = SLOPES + variable * N_POWERS, abs(y)
-    value[at] = inner
-    value[at + 1] = inner if y > 0.0 else (-inner if y < 0.0 else 0.0)
-    value[at + 2], value[at + 3] = 2.0 * y * inner, 2.0 * absolute * inner
-    value[at + 4] = 3.0 * y * y * inner
+def _place_powers(variable, y, point, value):
+    """Every power (`terms.POWERS`) of the value y of a variable at a point."""
+    at, absolute = variable * N_POWERS, abs(y)
+    value[at, point], value[at + 1, point], value[at + 2, point] = y, absolute, y * y
+    value[at + 3, point], value[at + 4, point] = y * absolute, y * y * y
 
 
 @borrowing
-def _place_states(stage, active, used, value):
+def _place_slopes(variable, y, inner, point, value):
+    """Derivative of every power of y at a point, times `inner`, the derivative of y."""
+    at, absolute = SLOPES + variable * N_POWERS, abs(y)
+    value[at, point] = inner
+    value[at + 1, point] = inner if y > 0.0 else (-inner if y < 0.0 else 0.0)
+    value[at + 2, point], value[at + 3, point] = 2.0 * y * inner, 2.0 * absolute * inner
+    value[at + 4, point] = 3.0 * y * y * inner
+
+
+@borrowing
+def _place_states(stage, active, used, point, value):
     """Powers of the states, and their derivatives by the active ones."""
     for i in range(N_VELOCITIES):
         if used[i]:
-            place_powers(i, stage[i, 0], value)
+            _place_powers(i, stage[i, 0], point, value)
             if active[i]:
-                _place_slopes(i, stage[i, 0], 1.0, value)
+                _place_slopes(i, stage[i, 0], 1.0, point, value)
     if used[3] or used[4]:
         sine, cosine = math.sin(stage[3, 0]), math.cos(stage[3, 0])
-        place_powers(3, sine, value)
-        place_powers(4, cosine, value)
-        _place_slopes(3, sine, cosine, value)
-        _place_slopes(4, cosine, -sine, value)
+        _place_powers(3, sine, point, value)
+        _place_powers(4, cosine, point, value)
+        _place_slopes(3, sine, cosine, point, value)
+        _place_slopes(4, cosine, -sine, point, value)
 
 
 @borrowing
@@ -193,34 +199,44 @@ def _place_inputs(inputs, used, moving, value):
     for i in range(N_INPUTS):
         if used[N_POSITIONS + i]:
             for point in range(N_POINTS):
-                here = value[point * POINT_PLACES :]
-                place_powers(N_POSITIONS + i, inputs[i], here)
+                _place_powers(N_POSITIONS + i, inputs[i], point, value)
                 if moving[i]:
-                    _place_slopes(N_POSITIONS + i, inputs[i], 1.0, here)
+                    _place_slopes(N_POSITIONS + i, inputs[i], 1.0, point, value)
 
 
 @borrowing
-def _add_forces(table, partials, coefficient, value, f, slopes):
-    """Forces by equation, and their slopes by states and inputs; both tables are sorted."""
+def _add_forces(table, coefficient, point, value, f):
+    """Forces at a point; the table is sorted by equation."""
     total = 0.0
     for k in range(coefficient.shape[0]):
-        product = value[table[k, 3]] * value[table[k, 4]] * value[table[k, 5]]
+        product = value[table[k, 3], point] * value[table[k, 4], point] * value[table[k, 5], point]
         total = coefficient[k] * product + (total if table[k, 6] else 0.0)
-        f[table[k, 0], 0] = total
+        f[table[k, 0]] = total
+
+
+@borrowing
+def _add_slopes(partials, coefficient, value, f_x):
+    """Slopes of the forces at all points, by states and inputs; the table is sorted by both."""
+    s0 = s1 = s2 = s3 = 0.0
     for k in range(partials.shape[0]):
-        product = value[partials[k, 3]] * value[partials[k, 4]] * value[partials[k, 5]]
-        total = coefficient[partials[k, 0]] * product + (total if partials[k, 6] else 0.0)
-        slopes[partials[k, 1], partials[k, 2]] = total
+        w, e, by = coefficient[partials[k, 0]], partials[k, 1], partials[k, 2]
+        a, b, c = partials[k, 3], partials[k, 4], partials[k, 5]
+        if not partials[k, 6]:
+            s0 = s1 = s2 = s3 = 0.0
+        s0 += w * (value[a, 0] * value[b, 0] * value[c, 0])
+        s1 += w * (value[a, 1] * value[b, 1] * value[c, 1])
+        s2 += w * (value[a, 2] * value[b, 2] * value[c, 2])
+        s3 += w * (value[a, 3] * value[b, 3] * value[c, 3])
+        f_x[e, by, 0], f_x[e, by, 1], f_x[e, by, 2], f_x[e, by, 3] = s0, s1, s2, s3
 
 
 @borrowing
 def _evaluate_point(point, system, work):
-    """Rates of the state stage[:, 0] in rate[:, point], and the slopes of its forces."""
+    """Rates of the state stage[:, 0] in rate[:, point]."""
     active, inverse, f, stage, rate = system.active, system.inverse, work.f, work.stage, work.rate
-    here, slopes = work.value[point * POINT_PLACES :], work.f_x[:, point * POINT_SLOPES :]
-    _place_states(stage, active, system.used, here)
-    _add_forces(system.table, system.partials, system.coefficient, here, f, slopes)
-    x, y, n = f[0, 0], f[1, 0], f[2, 0]
+    _place_states(stage, active, system.used, point, work.value)
+    _add_forces(system.table, system.coefficient, point, work.value, f)
+    x, y, n = f[0], f[1], f[2]
     for i in range(N_VELOCITIES):
         j = 3 * i
         rate[i, point] = inverse[j, 0] * x + inverse[j + 1, 0] * y + inverse[j + 2, 0] * n
@@ -251,14 +267,14 @@ def _weigh_forces(i, active, dt, inverse, f_x, total):
         x = w_u * inverse[0, 0] + w_a * inverse[3, 0] + w_b * inverse[6, 0]
         y = w_u * inverse[1, 0] + w_a * inverse[4, 0] + w_b * inverse[7, 0]
         n = w_u * inverse[2, 0] + w_a * inverse[5, 0] + w_b * inverse[8, 0]
-        at = point * POINT_SLOPES
-        by_u = x * f_x[0, at] + y * f_x[1, at] + n * f_x[2, at]
-        by_a = x * f_x[0, at + 1] + y * f_x[1, at + 1] + n * f_x[2, at + 1]
-        by_b = x * f_x[0, at + 2] + y * f_x[1, at + 2] + n * f_x[2, at + 2]
-        by_angle = x * f_x[0, at + 3] + y * f_x[1, at + 3] + n * f_x[2, at + 3]
+        by_u = x * f_x[0, 0, point] + y * f_x[1, 0, point] + n * f_x[2, 0, point]
+        by_a = x * f_x[0, 1, point] + y * f_x[1, 1, point] + n * f_x[2, 1, point]
+        by_b = x * f_x[0, 2, point] + y * f_x[1, 2, point] + n * f_x[2, 2, point]
+        by_angle = x * f_x[0, 3, point] + y * f_x[1, 3, point] + n * f_x[2, 3, point]
         if active[2]:
             by_b += w_angle
-        f_x[0, at + WEIGHTS + i], f_x[1, at + WEIGHTS + i], f_x[2, at + WEIGHTS + i] = x, y, n
+        at = WEIGHTS + i
+        f_x[0, at, point], f_x[1, at, point], f_x[2, at, point] = x, y, n
         total[i, 1], total[i, 2] = total[i, 1] + by_u, total[i, 2] + by_a
         total[i, 3], total[i, 4] = total[i, 3] + by_b, total[i, 4] + by_angle
 
@@ -270,10 +286,7 @@ def _add_column(e, column, active, g0, g1, g2, g3, f_x, total):
         if active[i]:
             at = WEIGHTS + i
             total[i, column] += (
-                f_x[e, at] * g0
-                + f_x[e, at + POINT_SLOPES] * g1
-                + f_x[e, at + 2 * POINT_SLOPES] * g2
-                + f_x[e, at + 3 * POINT_SLOPES] * g3
+                f_x[e, at, 0] * g0 + f_x[e, at, 1] * g1 + f_x[e, at, 2] * g2 + f_x[e, at, 3] * g3
             )
 
 
@@ -286,13 +299,13 @@ def _add_parameters(system, work, total):
     active, table, weights = system.active, system.table, system.weights
     mass, mass_weights = system.mass, system.mass_weights
     value, rate, f_x = work.value, work.rate, work.f_x
-    v0, v1 = value[:POINT_PLACES], value[POINT_PLACES:]
-    v2, v3 = value[2 * POINT_PLACES :], value[3 * POINT_PLACES :]
     for k in range(weights.shape[0]):
         a, b, c, w = table[k, 3], table[k, 4], table[k, 5], weights[k, 1]
         if w != 0.0:
-            g0, g1 = w * v0[a] * v0[b] * v0[c], w * v1[a] * v1[b] * v1[c]
-            g2, g3 = w * v2[a] * v2[b] * v2[c], w * v3[a] * v3[b] * v3[c]
+            g0 = w * value[a, 0] * value[b, 0] * value[c, 0]
+            g1 = w * value[a, 1] * value[b, 1] * value[c, 1]
+            g2 = w * value[a, 2] * value[b, 2] * value[c, 2]
+            g3 = w * value[a, 3] * value[b, 3] * value[c, 3]
             _add_column(table[k, 0], table[k, 2], active, g0, g1, g2, g3, f_x, total)
     for k in range(mass.shape[0]):
         i, w = mass[k, 1], -mass_weights[k, 1]
@@ -321,8 +334,7 @@ def _by_input(l, i, active, f_x):  # noqa: E741
     for e in range(N_VELOCITIES):
         if active[e]:
             for point in range(N_POINTS):
-                at = point * POINT_SLOPES
-                by += f_x[e, at + WEIGHTS + i] * f_x[e, at + N_STATES + l]
+                by += f_x[e, WEIGHTS + i, point] * f_x[e, N_STATES + l, point]
     return by
 
 
@@ -359,6 +371,7 @@ def step_with_jacobian(x, inputs, inactive0, inactive1, dt, input_slopes, system
                 stage[i, 0] = x[i, 0] + advance * rate[i, point]
             else:
                 stage[i, 0] = inactive0[i] + fraction * (inactive1[i] - inactive0[i])
+    _add_slopes(system.partials, system.coefficient, work.value, work.f_x)
     for i in range(N_STATES):
         reached[i, 0] = inactive1[i]
         if active[i]:
