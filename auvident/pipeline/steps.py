@@ -236,12 +236,13 @@ def refine(given: Given) -> dict[str, Any]:
     carried = carried_of(given.diagnosis)
     after: _Again | None = None
     tried: tuple[Attempt, ...] = ()
-    if carried is not None:
+    nothing, small = carried is None, _small_effects(given, before)
+    if not nothing or small is not None:
         made, tried = choose(
-            carried, given.model, before, lambda c: _identified_again(given, filter, c)
+            carried, given.model, before, lambda c: _identified_again(given, filter, c), small
         )
         carried, after = (made.carried, made.found) if made else (None, None)
-    elif filter != given.model.filter:
+    if nothing and after is None and filter != given.model.filter:
         after = _identified_again(given, filter, None)
     named, now = (after[0].model, after[1]) if after else (given.model, before)
     force: UnexplainedForce | None = None
@@ -276,6 +277,16 @@ def refine(given: Given) -> dict[str, Any]:
         "refine/standard.json": (after is None and standard) or _standard(given, model, now),
         **_estimated_along(given, filter, comparison, model, now),
     }
+
+
+def _small_effects(given: Given, before: "Validation") -> Any:
+    """What is tried without a claim where the identified model is far off; None: it is not."""
+    from auvident.stages.refine import gives_away, unclaimed
+    from auvident.stages.refine.errors import cruise_of
+
+    if not gives_away(given.diagnosis, given.maneuvers, before.simulation):
+        return None
+    return unclaimed(given.diagnosis, given.model, cruise_of(before.simulation)[0])
 
 
 def _estimated_along(

@@ -220,7 +220,7 @@ def correlates(unexplained: Mapping[str, object]) -> list[str]:
 
 def attempt_words(attempt: Attempt) -> tuple[str, str]:
     """A model that was tried beside the one before: its effects, and what became of it."""
-    name = " + ".join(attempt.effects)
+    name = "small effects alone" if attempt.unclaimed else " + ".join(attempt.effects)
     if attempt.keeps:
         name += f" (for the sake of {', '.join(attempt.keeps)})"
     if attempt.own_starts:

@@ -262,7 +262,8 @@ class Attempt(Artifact):
     their logarithms over maneuvers; ``balance`` is the mean logarithm of the ratio over maneuvers,
     in each the mean over its channels, with its standard error. ``keeps`` names channels for whose
     sake the others counted less, ``own_starts`` says that readings counted by what is left of them
-    with the starts fitted, ``failed`` why an attempt came to no model.
+    with the starts fitted, ``failed`` why an attempt came to no model. ``unclaimed`` is one with
+    the small effects alone that every vehicle may have.
     """
 
     effects: tuple[str, ...]
@@ -276,6 +277,7 @@ class Attempt(Artifact):
     keeps: tuple[str, ...] = ()
     own_starts: bool = False
     failed: str = ""
+    unclaimed: bool = False
 
 
 class ForceTried(Artifact):
@@ -371,4 +373,5 @@ class Comparison(Artifact):
     def added(self) -> bool:
         """Whether anything is said to be in the model that was not in the one before."""
         force = self.unexplained_force is not None and self.unexplained_force.added
-        return (bool(self.effects or self.not_confirmed) and not self.is_kept) or force
+        small = any(a.taken and a.unclaimed for a in self.attempts)
+        return (bool(self.effects or self.not_confirmed) and not self.is_kept) or small or force

@@ -237,15 +237,19 @@ def _with_article(regressor: str) -> str:
 def not_added(refused: Attempt) -> str:
     """The statement that a model with what was found is no better, so that nothing was added."""
     ratios = refused.left_out or refused.ratios
-    changes = ", ".join(f"{c} {100.0 * (ratio - 1.0):+.0f} %" for c, ratio in ratios.items())
     which = ", each left out in turn" if refused.left_out else ""
-    why = "diverges in them" if refused.ran_away else f"changes their errors by {changes}"
+    why = "diverges in them" if refused.ran_away else f"changes their errors by {changes(ratios)}"
     why = f"could not be identified ({refused.failed})" if refused.failed else why
     return (
         f"No effect was added, because none improves the prediction of the maneuvers used for "
         f"identification{which}: a model with {' and '.join(refused.effects)} {why}. "
         "The identified model is kept."
     )
+
+
+def changes(ratios: Mapping[str, float]) -> str:
+    """Changes of some errors, as ``u -30 %, r +2 %``, from what they are over those before."""
+    return ", ".join(f"{c} {100.0 * (ratio - 1.0):+.0f} %" for c, ratio in ratios.items())
 
 
 def also_refused(effects: Sequence[EffectFound]) -> str:

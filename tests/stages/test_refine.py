@@ -35,7 +35,7 @@ from auvident.stages.refine.attempts import (
     findings_of,
     tried_with,
 )
-from auvident.stages.refine.compare import given_away, pooled
+from auvident.stages.refine.compare import given_away, gives_away, pooled
 from tests.engines.chain import identified, plan_named, sample
 
 DT, N = 0.1, 600
@@ -475,7 +475,8 @@ def test_a_small_rise_is_paid_for_by_what_the_others_gain() -> None:
 
 
 def test_leaving_an_event_out_claims_nothing_and_is_always_done() -> None:
-    assert best_of([made(1.05, effects=())]) == 0
+    assert best_of([replace(made(1.05, effects=()), masks=True)]) == 0
+    assert best_of([made(1.05, effects=())]) is None  # small effects alone have to predict better
 
 
 @pytest.mark.parametrize(
@@ -781,6 +782,18 @@ def test_a_channel_that_the_diagnosis_follows_and_the_model_does_not_is_told() -
     assert "off by 0.064 m/s" in finding.message and "to 0.005 m/s" in finding.message
     assert "--plan coloured" in finding.remedy
     assert given_away(diagnosis(), own) == ()
+
+
+def test_a_model_gives_away_what_it_was_identified_from_and_no_held_out_maneuver() -> None:
+    seen = diagnosis().model_copy(update={"checks": {"rms": {"after": dict.fromkeys("uvr", 1e-4)}}})
+    far, near = predicted(0), predicted(0)
+    for column in OFF:
+        near[f"{column}_simulated"] = near[f"{column}_measured"]
+        far[f"{column}_simulated"] = far[f"{column}_measured"] + 0.5
+    assert gives_away(seen, MANEUVERS, far)
+    held = (far["role"] == "validate").to_numpy()
+    near[held] = far[held]
+    assert not gives_away(seen, MANEUVERS, near)
 
 
 def test_a_refinement_that_changed_nothing_is_not_called_worse() -> None:

@@ -17,9 +17,10 @@ from auvident.schema.artifacts import (
 from auvident.schema.diagnosis import Attempt
 from auvident.stages.refine import choose
 from auvident.stages.refine.attempts import FLAT, TriedModel, best_of, findings_of
+from auvident.stages.refine.claims import claims_of
 from auvident.stages.refine.left_out import LeftOutChange, left_out_change
 from tests.engines.chain import sample
-from tests.stages.test_refine import carried_effects, claimed, model, predicted
+from tests.stages.test_refine import NONE, carried_effects, claimed, model, predicted
 
 CHANNELS = ("u", "v", "r")
 SAMPLES = (100, 200, 300, 400)
@@ -163,7 +164,11 @@ def with_left_out(left_out: LeftOutSummary) -> IdentifiedModel:
     return model().model_copy(update={"left_out": left_out})
 
 
-def refined(*outcomes: LeftOutSummary | None, found: tuple[str, ...] = ("current",)):
+def refined(
+    *outcomes: LeftOutSummary | None,
+    found: tuple[str, ...] = ("current",),
+    small: Carried | None = None,
+):
     """Attempts that end with these left-out errors (None: they fail), and what was asked for."""
     asked: list[Carried] = []
 
@@ -177,7 +182,8 @@ def refined(*outcomes: LeftOutSummary | None, found: tuple[str, ...] = ("current
         )
 
     before = SimpleNamespace(simulation=predicted(0))
-    return (*choose(carried_effects(*found), with_left_out(alike()), before, again), asked)
+    carried = carried_effects(*found) if found else None
+    return (*choose(carried, with_left_out(alike()), before, again, small), asked)
 
 
 def test_a_channel_that_rises_is_kept_by_the_next_attempt() -> None:
@@ -235,6 +241,47 @@ def test_an_attempt_that_fails_leaves_the_others_and_the_model_before() -> None:
     made, rows, _ = refined(None, None, None)
     assert made is None and [row.taken for row in rows] == [True, False, False, False]
     assert [f.code for f in findings_of(rows)] == 3 * ["attempt-failed"]
+
+
+# --- small effects alone -------------------------------------------------------------------
+
+SMALL = Carried(start={"rudder_lag.lag_s": 0.1}, prior_std={"rudder_lag.lag_s": 0.1})
+
+
+def with_small(*outcomes: LeftOutSummary | None, found: tuple[str, ...] = ()):
+    return refined(*outcomes, found=found, small=SMALL)
+
+
+def test_small_effects_alone_are_tried_where_nothing_was_found() -> None:
+    made, rows, asked = with_small(alike(u=0.5))
+    assert made is not None and asked == [SMALL]
+    assert [(row.taken, row.unclaimed) for row in rows] == [(False, False), (True, True)]
+    (finding,) = findings_of(rows)
+    assert finding.code == "identified-again" and "each left out in turn u -50 %" in finding.message
+
+
+def test_small_effects_that_cost_a_channel_are_tried_with_fitted_starts_or_left() -> None:
+    made, rows, asked = with_small(alike(u=0.9, r=1.6), alike(u=0.5))
+    assert made is not None and [c.own_starts for c in asked] == [False, True] and rows[2].taken
+    made, rows, _ = with_small(alike(u=0.9, r=1.6), None)
+    assert made is None and [row.taken for row in rows] == [True, False, False]
+    assert "small effects alone" in findings_of(rows)[0].where
+
+
+def test_small_effects_alone_follow_what_was_found_and_is_refused() -> None:
+    refused = [alike(u=1.2)] * 4
+    made, rows, asked = with_small(*refused, alike(u=0.5), found=("current",))
+    assert made is not None and asked[4] == SMALL
+    assert [row.unclaimed for row in rows] == [False] * 5 + [True]
+    made, rows, asked = with_small(alike(u=0.5), found=("current",))
+    assert made is not None and len(asked) == 1 and rows[1].taken  # no need to
+
+
+def test_small_effects_that_are_refused_say_nothing_of_an_effect() -> None:
+    small = Attempt(effects=(), unclaimed=True, left_out={"u": 1.4})
+    before = Attempt(effects=(), taken=True)
+    rest = NONE, model(), [before, small], 1.5, 0.1
+    assert claims_of(*rest)["statement"] == claims_of(*rest[:2], [], *rest[3:])["statement"]
 
 
 # --- what is said --------------------------------------------------------------------------

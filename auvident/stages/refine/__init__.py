@@ -1,8 +1,17 @@
 """Refinement: identify again with what a diagnosis found, keep what predicts better."""
 
 from auvident.stages.refine.along import along
-from auvident.stages.refine.attempts import carried_of, choose
-from auvident.stages.refine.compare import compare
+from auvident.stages.refine.attempts import carried_of, choose, unclaimed
+from auvident.stages.refine.compare import compare, gives_away
 from auvident.stages.refine.unexplained import Base, with_unexplained
 
-__all__ = ["Base", "along", "carried_of", "choose", "compare", "with_unexplained"]
+__all__ = [
+    "Base",
+    "along",
+    "carried_of",
+    "choose",
+    "compare",
+    "gives_away",
+    "unclaimed",
+    "with_unexplained",
+]

@@ -7,13 +7,12 @@ a season without any change 39 were left out as fitting no other, up to 50 times
 """
 
 from collections.abc import Collection
-from dataclasses import replace
 
-from auvident.engines.carried import Carried, allowed
+from auvident.engines.carried import Carried
 from auvident.schema.artifacts import IdentifiedModel
 from auvident.schema.diagnosis import Diagnosis
 from auvident.schema.effects import BY_ID, parameter_of
-from auvident.stages.refine.attempts import nuisances_of, windows_of, without
+from auvident.stages.refine.attempts import unclaimed
 
 CURRENT = "current"  # in every sea, and the trial's own
 
@@ -45,10 +44,7 @@ def along(
     Carried or None
         None where the model carries all of it.
     """
-    out = {e.id for e in diagnosis.to_try} - {*claimed}
-    usual = allowed(sorted(out), model.plane, model.length_m, speed_mps)
-    carried = without(nuisances_of(diagnosis), out, usual)
-    carried = replace(carried, windows=windows_of(diagnosis))
+    carried = unclaimed(diagnosis, model, speed_mps, claimed)
     if heading and CURRENT not in carried.ids(model.plane):
         carried = carried.adding(_stds_of_current(model, speed_mps))
     same = {*carried.ids(model.plane)} == {str(e["id"]) for e in model.effects}

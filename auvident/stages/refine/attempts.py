@@ -1,7 +1,7 @@
 """What to identify with, and which of the models to take: the one before is one of them."""
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Generic, Protocol, TypeVar
 
@@ -12,6 +12,7 @@ from auvident.errors import NumericsError
 from auvident.schema.artifacts import Finding, IdentifiedModel, LeftOutSummary
 from auvident.schema.diagnosis import Attempt, Diagnosis
 from auvident.schema.effects import BY_ID, EFFECTS
+from auvident.schema.loop_statements import changes
 from auvident.stages.refine.errors import channels_of, cruise_of, rms_of
 from auvident.stages.refine.left_out import (
     CHANNELS,
@@ -66,6 +67,25 @@ def nuisances_of(diagnosis: Diagnosis) -> Carried:
     )
 
 
+def unclaimed(
+    diagnosis: Diagnosis, model: IdentifiedModel, speed_mps: float, claimed: Collection[str] = ()
+) -> Carried:
+    """The small effects that every vehicle may have, from where the diagnosis ended; no claim.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+    model : IdentifiedModel
+    speed_mps : float
+        Of the vehicle in the maneuvers.
+    claimed : collection of str
+        Effects that stand; others that were found are left as small as every model is allowed.
+    """
+    out = {e.id for e in diagnosis.to_try} - {*claimed}
+    usual = allowed(sorted(out), model.plane, model.length_m, speed_mps)
+    return replace(without(nuisances_of(diagnosis), out, usual), windows=windows_of(diagnosis))
+
+
 def attempts(carried: Carried, before: IdentifiedModel) -> tuple[Carried, ...]:
     """What to identify with, in order: all nuisances first, then those of the model before.
 
@@ -118,6 +138,8 @@ class TriedModel:
         Whether readings counted by what is left with the starts fitted.
     failed : str
         Why it came to no model; empty where it did.
+    masks : bool
+        Whether it leaves readings out.
     """
 
     effects: tuple[str, ...]
@@ -126,6 +148,7 @@ class TriedModel:
     keeps: tuple[str, ...] = ()
     own_starts: bool = False
     failed: str = ""
+    masks: bool = False
 
     @property
     def rise(self) -> tuple[float, str]:
@@ -213,7 +236,8 @@ def tried_with(
     seen = {name: ratio for name, ratio in ratios.items() if not math.isnan(ratio)}
     change = left_out_change(*left_out, {name for name, _, _ in carried.windows})
     kept = _kept(carried, before)
-    return TriedModel(tuple(carried.effects), seen, change, kept, carried.own_starts)
+    masks = bool(carried.windows)
+    return TriedModel(carried.effects, seen, change, kept, carried.own_starts, masks=masks)
 
 
 def _kept(carried: Carried, before: pd.DataFrame) -> tuple[str, ...]:
@@ -283,24 +307,25 @@ def make(
         found = again(carried)
     except NumericsError as error:
         failed = f"{error.problem} ({error.where})" if error.where else error.problem
-        effects, keeps = tuple(carried.effects), _kept(carried, before)
-        tried = TriedModel(effects, {}, None, keeps, carried.own_starts, failed)
+        keeps, masks = _kept(carried, before), bool(carried.windows)
+        tried = TriedModel(carried.effects, {}, None, keeps, carried.own_starts, failed, masks)
         return Made(carried, None, tried)
     summaries = model.left_out, found[0].model.left_out
     return Made(carried, found, tried_with(carried, before, found[1].simulation, summaries))
 
 
 def choose(
-    carried: Carried,
+    carried: Carried | None,
     model: IdentifiedModel,
     before: Predicted,
     again: Callable[[Carried], tuple[Model, Prediction]],
+    small: Carried | None = None,
 ) -> tuple[Made[Model, Prediction] | None, tuple[Attempt, ...]]:
     """Identify with what was found; None where the model before predicts better.
 
     Parameters
     ----------
-    carried : Carried
+    carried : Carried or None
         What was found.
     model : IdentifiedModel
         The one before.
@@ -308,6 +333,8 @@ def choose(
         Its prediction.
     again : callable
         Identifies and predicts; called for one attempt after the other until one is good.
+    small : Carried or None
+        What is tried without a claim where nothing that was found is taken.
 
     Returns
     -------
@@ -315,17 +342,36 @@ def choose(
     tuple of Attempt
         What was tried, the model before first, and which of them was taken.
     """
-    made = _with_all(carried, model, before, again)
+    made = [] if carried is None else _with_effects(carried, model, before, again)
     best = best_of([one.tried for one in made])
-    if best is None or made[best].tried.costs_much:
-        for less in fewer(carried, model, cruise_of(before.simulation)[0]):
-            made.append(make(less, model, before.simulation, again))
-            if made[-1].tried.is_better and not made[-1].tried.costs_much:
+    if best is None and small is not None:
+        for own_starts in (False, True):
+            attempt = replace(small, own_starts=own_starts)
+            made.append(make(attempt, model, before.simulation, again))
+            if made[-1].tried.is_good:
                 break
         best = best_of([one.tried for one in made])
     rows = [Attempt(effects=(), taken=best is None)]
     rows += [_attempt(one.tried, k == best) for k, one in enumerate(made)]
     return (None if best is None else made[best]), tuple(rows)
+
+
+def _with_effects(
+    carried: Carried,
+    model: IdentifiedModel,
+    before: Predicted,
+    again: Callable[[Carried], tuple[Model, Prediction]],
+) -> list[Made[Model, Prediction]]:
+    """Attempts with everything that was found, and with less of it where that is not better."""
+    made = _with_all(carried, model, before, again)
+    best = best_of([one.tried for one in made])
+    if best is not None and not made[best].tried.costs_much:
+        return made
+    for less in fewer(carried, model, cruise_of(before.simulation)[0]):
+        made.append(make(less, model, before.simulation, again))
+        if made[-1].tried.is_better and not made[-1].tried.costs_much:
+            break
+    return made
 
 
 def _with_all(
@@ -372,7 +418,7 @@ def best_of(tried: Sequence[TriedModel]) -> int | None:
     able = [
         k
         for k, one in enumerate(tried)
-        if one.is_good or one.is_better or not (one.effects or one.failed)
+        if one.is_better or (one.masks and not one.effects and not one.failed)
     ]
     return min(able, key=lambda k: (not tried[k].is_good, tried[k].balance), default=None)
 
@@ -387,6 +433,7 @@ def _attempt(tried: TriedModel, taken: bool) -> Attempt:
         keeps=tried.keeps,
         own_starts=tried.own_starts,
         failed=tried.failed,
+        unclaimed=not (tried.effects or tried.masks),
         **as_told(tried.left_out),
     )
 
@@ -394,6 +441,7 @@ def _attempt(tried: TriedModel, taken: bool) -> Attempt:
 def findings_of(attempts: Sequence[Attempt]) -> tuple[Finding, ...]:
     """What is to be said of an error that rose although an effect was added, and of failures."""
     failed = tuple(_failed(a) for a in attempts if a.failed)
+    failed += tuple(_identified_again(a) for a in attempts if a.taken and a.unclaimed)
     taken = next((a for a in attempts if a.taken and a.effects), None)
     rises = [(ratio - 1.0, c) for c, ratio in _decisive(taken).items()] if taken else []
     share, channel = max(rises, default=(0.0, ""))
@@ -420,10 +468,25 @@ def _decisive(attempt: Attempt) -> dict[str, float]:
     return attempt.left_out or attempt.ratios
 
 
+def _identified_again(attempt: Attempt) -> Finding:
+    told = f"errors in the maneuvers used for identification {changes(attempt.ratios)}"
+    if attempt.left_out:
+        told += f"; each left out in turn {changes(attempt.left_out)}"
+    return Finding(
+        code="identified-again",
+        where="model",
+        message="the identified model missed what small effects that every vehicle may have "
+        "(delays, lags, offsets) let it follow, and was identified again with them, without a "
+        f"claim: {told}",
+        remedy="Which of them it is these maneuvers do not tell: `auvident plan-trial RUN` ranks "
+        "those that would.",
+    )
+
+
 def _failed(attempt: Attempt) -> Finding:
     return Finding(
         code="attempt-failed",
-        where=" + ".join(attempt.effects),
+        where=" + ".join(attempt.effects) or "small effects alone",
         message=f"a model with these effects could not be identified: {attempt.failed}",
         remedy="The other models that were tried are compared without it.",
     )

@@ -85,9 +85,10 @@ def _with_doubts(
 ) -> str:
     """The statement with what became of the effects that are not claimed, or not in the model."""
     shown = shown_by_sensors([e for e in effects if e.id in outside])
-    if keeps(attempts):
+    named = [a for a in attempts[1:] if not a.unclaimed]
+    if keeps(attempts) and named:
         stands = said if not doubted else found(effects) if effects else ""
-        return _joined(stands, shown, not_added(_refused(attempts)))
+        return _joined(stands, shown, not_added(_refused(named)))
     unsure = [e for e in doubted if e.id not in outside]
     refused = [e for e in doubted if e.id in outside]
     return _joined(said, not_confirmed(unsure), shown, also_refused(refused))
@@ -99,7 +100,7 @@ def _joined(*texts: str) -> str:
 
 def _refused(attempts: Sequence[Attempt]) -> Attempt:
     """The last attempt, if possible one that came to a model."""
-    return next((a for a in reversed(attempts[1:]) if not a.failed), attempts[-1])
+    return next((a for a in reversed(attempts) if not a.failed), attempts[-1])
 
 
 def _verdict(

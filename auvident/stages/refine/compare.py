@@ -111,6 +111,11 @@ def given_away(diagnosis: Diagnosis, identify: HeldOut) -> tuple[Finding, ...]:
     )
 
 
+def gives_away(diagnosis: Diagnosis, maneuvers: Maneuvers, predicted: pd.DataFrame) -> bool:
+    """Whether a model is far off in what it was identified from; see `given_away`."""
+    return bool(given_away(diagnosis, pooled(maneuvers, predicted, predicted, "identify")))
+
+
 def _replaced(error: ChannelError, rmse: float) -> ChannelError:
     """Another error of the same channel."""
     return error.model_copy(update={"rmse": rmse})
