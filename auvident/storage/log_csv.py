@@ -42,6 +42,8 @@ DECIMAL_POINT = re.compile(
     rb"(?:^|[,;\t ])[ \"]*[+-]?\d*\.\d+(?:[eE][+-]?\d+)?[ \"]*(?=[,;\t \n]|\Z)", re.MULTILINE
 )
 THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(?:,\d{3})+(?:\.\d*)?")
+THOUSANDS_BY_POINTS = re.compile(r"[+-]?[1-9]\d{0,2}(?:\.\d{3})+(?:,\d*)?")
+THOUSAND = 1000.0
 NULLS = sorted({w for m in MISSING for w in (m, m.upper(), m.capitalize())} | {"NaN", "N/a"})
 Kind = Literal["number", "text"]
 
@@ -169,7 +171,7 @@ def _read_body(
         kept = np.ones(len(table), dtype=bool)
         lines = _lines(body, layout, len(table))
     except pa.ArrowInvalid:
-        columns, kept, lines = _parse_carefully(path, body, layout, kinds, bad)
+        columns, kept, lines = _parse_carefully(path, body, layout, kinds, comma, bad)
     dropped, dropped_rows = _count_dropped(path, body, layout, bad, kept, lines, cut_off)
     if stray:
         dropped["stray_quote"] = len(stray)
@@ -284,7 +286,12 @@ def _to_numpy(column: pa.ChunkedArray, kind: Kind) -> np.ndarray:
 
 
 def _parse_carefully(
-    path: Path, body: bytes, layout: Layout, kinds: Mapping[str, Kind], bad: list[str]
+    path: Path,
+    body: bytes,
+    layout: Layout,
+    kinds: Mapping[str, Kind],
+    comma: bool,
+    bad: list[str],
 ) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray]:
     """Parse as text, leave out comments and repeated headers, name the first text left."""
     first = layout.names[0]
@@ -309,6 +316,7 @@ def _parse_carefully(
     columns = {}
     for name, kind in kinds.items():
         text = _without_thousands(texts[name]) if has_point else texts[name]
+        text = _without_points(text) if has_point and comma else text
         columns[name] = (
             _numbers(path, name, text, kept, lines) if kind == "number" else text.to_numpy(object)
         )
@@ -333,6 +341,24 @@ def _without_thousands(text: pd.Series) -> pd.Series:
     if not with_comma.any() or not plain[with_comma].str.fullmatch(THOUSANDS).all():
         return text
     return plain.where(~with_comma, plain.str.replace(",", "", regex=False))
+
+
+def _without_points(text: pd.Series) -> pd.Series:
+    """Numbers such as 1.170 as 1170, in a file that has decimals behind a comma.
+
+    As some files mix decimal commas and points, it has to show in the column: by a number with
+    both marks, or by others, none of them a thousand or more, that have no point.
+    """
+    plain = text.str.strip('" ')
+    with_point = plain.str.contains(".", regex=False)
+    pointed, others = plain[with_point], plain[~with_point & ~plain.str.lower().isin(MISSING)]
+    if not len(pointed) or not pointed.str.fullmatch(THOUSANDS_BY_POINTS).all():
+        return text
+    sizes = pd.to_numeric(others.str.replace(",", ".", regex=False), errors="coerce").abs()
+    are_smaller = bool(len(sizes)) and bool((sizes < THOUSAND).all())
+    if not are_smaller and not pointed.str.contains(",", regex=False).any():
+        return text
+    return plain.where(~with_point, plain.str.replace(".", "", regex=False))
 
 
 def _numbers(
