@@ -364,11 +364,12 @@ def _factor(log: LogFile, name: str, channel: Channel, unit: str | None) -> floa
     names = " or ".join(f"{stem}_{suffix}" for suffix in allowed)
     label = log.unit_of(name).strip()
     if unit is None and label:
+        entry = entry_text(channel, name)
+        entry = entry if "scale" in entry else entry.replace(" }", ", scale = ... }")
         raise InputError(
             f"column {name} ({channel.meaning}) is labelled {label!r}, which is no known unit",
             log.where,
-            f"State its unit in a map (--map), with scale, what 1 {label} is in that unit: "
-            + entry_text(channel, name).replace(" }", ", scale = ... }"),
+            f"State its unit in a map (--map), with scale, what 1 {label} is in that unit: {entry}",
         )
     problem = "has no unit" if unit is None else f"has the unit {unit}, which does not fit"
     raise InputError(
@@ -384,7 +385,11 @@ def entry_text(channel: Channel, name: str, unit: str | None = None) -> str:
     is_angle = quantity_named(split_unit(name)[0]) == channel.quantity
     usual = "deg" if is_angle else USUAL_UNIT[channel.unit]
     fits = unit if unit in units_for(channel.quantity) else usual
-    return f'[{channel.sensor}] {channel.quantity} = {{ column = "{name}", unit = "{fits}" }}'
+    is_share = name.strip().lower().rpartition("_")[2] in PERCENT
+    is_other = is_share or unit not in (None, fits)
+    scale = ", scale = ..." if channel.kind == "input" and is_other else ""
+    entry = f'{{ column = "{name}", unit = "{fits}"{scale} }}'
+    return f"[{channel.sensor}] {channel.quantity} = {entry}"
 
 
 def guess_column(channel: Channel, names: Sequence[str]) -> str | None:

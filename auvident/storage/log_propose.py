@@ -7,7 +7,7 @@ import numpy as np
 
 from auvident.errors import InputError
 from auvident.schema.channels import CHANNELS, SENSORS, Channel
-from auvident.schema.logs import SensorMap, unit_name
+from auvident.schema.logs import PERCENT, SensorMap, unit_name
 from auvident.storage.log_columns import (
     ALIASES,
     angle_of,
@@ -22,6 +22,7 @@ from auvident.storage.log_file import LogFile
 from auvident.storage.log_proposal import (
     Proposal,
     Values,
+    in_another,
     in_knots,
     may_be_on_change,
     one_unit,
@@ -168,13 +169,24 @@ def _assign(logs: Mapping[str, LogFile], values: Values) -> list[Proposal]:
                 ]
                 name = _named(channel, logs[key], names, exact)
                 if name is not None:
-                    unit, guessed = unit_of(channel, logs[key], name, values[key][name])
-                    label = logs[key].unit_of(name).strip() if guessed else ""
-                    said = f'labelled "{label}"' if label else ""
-                    found[channel.column] = Proposal(channel, key, name, unit, guessed, remark=said)
+                    found[channel.column] = _proposal(channel, key, name, logs[key], values[key])
                     used.add((key, name))
                     break
     return _with_angles(found, logs, values)
+
+
+def _proposal(
+    channel: Channel, key: str, name: str, log: LogFile, values: Mapping[str, np.ndarray]
+) -> Proposal:
+    """A column for a channel in the unit that it states, else that of its range."""
+    another = in_another(channel, log, name)
+    if another is not None:
+        unit, scale, remark = another
+        return Proposal(channel, key, name, unit, False, remark=remark, scale=scale)
+    unit, guessed = unit_of(channel, log, name, values[name])
+    label = log.unit_of(name).strip() if guessed else ""
+    remark = f'labelled "{label}"' if label else ""
+    return Proposal(channel, key, name, unit, guessed, remark=remark)
 
 
 def _with_angles(
@@ -215,7 +227,8 @@ def _exact(channel: Channel, names: list[str]) -> str | None:
 def _base(name: str) -> str:
     lower = name.strip().lower()
     stem, _, suffix = lower.rpartition("_")
-    return stem if stem and unit_name(suffix) else split_unit(lower)[0]
+    is_unit = bool(unit_name(suffix)) or suffix in PERCENT
+    return stem if stem and is_unit else split_unit(lower)[0]
 
 
 def _reads_without(logs: Mapping[str, LogFile], proposals: list[Proposal]) -> bool:

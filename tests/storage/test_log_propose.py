@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 from log_world import sensor_tables, wide_table, write_folder
 
+from auvident.errors import InputError
 from auvident.storage.log_inspect import inspect_log
 from auvident.storage.logs import read_column_map, read_trials
 from tests import foreign_log
@@ -189,6 +190,15 @@ def test_trials_told_apart_by_what_their_files_begin_with_get_patterns(tmp_path)
     assert found[1].sensors["gyro"].file.endswith("b2_gyro.csv")
 
 
+@pytest.mark.parametrize("parts", [("001", "002"), ("20240611_100000", "20240611_101000")])
+def test_files_told_apart_by_what_they_end_with_get_patterns(tmp_path, parts):
+    """A recording that its logger split: a map for the first part alone read ten minutes of it."""
+    tables = {f"{s}_{part}": t for part in parts for s, t in sensor_tables().items()}
+    found = read_as_proposed(written(tmp_path / "logs", tables), tmp_path)
+    assert [trial.name for trial in found] == list(parts)
+    assert found[1].sensors["gyro"].file.endswith(f"gyro_{parts[1]}.csv")
+
+
 def test_no_pattern_where_one_trial_has_other_columns(tmp_path):
     tables = {f"{run}_{s}": t for run in ("a1", "b2") for s, t in sensor_tables().items()}
     tables["b2_gyro"] = np.radians(tables["b2_gyro"]).rename(columns={"r_degps": "r_radps"})
@@ -257,3 +267,35 @@ def test_messages_that_ros_printed_get_a_map_with_its_axes(tmp_path):
     for sensor, other in plain.sensors.items():
         for column, values in other.values.items():
             np.testing.assert_allclose(trial.sensors[sensor].values[column], values, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("sensor", "name", "factor", "proposed", "words"),
+    [
+        ("rudder", "rudder_pct", 4.0, 'unit = "percent"', ("degrees of one percent",)),
+        ("rpm", "rpm_percent", 0.05, 'unit = "percent"', ("rpm of one percent",)),
+    ],
+)
+def test_a_share_of_the_range_is_proposed_without_a_unit_it_has_not(
+    tmp_path, sensor, name, factor, proposed, words
+):
+    """As degrees, a rudder of 60 % would have been read without a word."""
+    tables = sensor_tables()
+    column = tables[sensor].columns[1]
+    tables[sensor] = tables[sensor].assign(**{column: factor * tables[sensor][column]})
+    tables[sensor] = tables[sensor].rename(columns={column: name})
+    folder = write_folder(tmp_path / "run", tables)
+    assert proposed in inspect_log(folder).proposed_map
+    with pytest.raises(InputError) as caught:
+        read_as_proposed(folder, tmp_path)
+    assert all(word in str(caught.value) for word in words)
+    with pytest.raises(InputError, match=r"scale = \.\.\."):
+        read_trials([folder])
+
+
+def test_a_shaft_in_radians_per_second_is_proposed_with_its_scale(tmp_path):
+    tables = sensor_tables()
+    rate = tables["rpm"].pop("rpm")
+    tables["rpm"]["shaft_radps"] = rate * np.pi / 30.0
+    (trial,) = read_as_proposed(write_folder(tmp_path / "run", tables), tmp_path)
+    np.testing.assert_allclose(trial.sensors["rpm"].values["rpm"], rate, rtol=1e-5)
