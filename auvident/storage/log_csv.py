@@ -24,6 +24,7 @@ from auvident.storage.log_layout import (
     Layout,
     is_missing,
     is_value,
+    plain_name,
     split,
 )
 from auvident.storage.log_quotes import FEW, MOST_SHARE, blank_stray_quotes
@@ -44,6 +45,11 @@ DECIMAL_POINT = re.compile(
 THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(?:,\d{3})+(?:\.\d*)?")
 THOUSANDS_BY_POINTS = re.compile(r"[+-]?[1-9]\d{0,2}(?:\.\d{3})+(?:,\d*)?")
 THOUSAND = 1000.0
+DELIMITER_REMEDY = "Check the delimiter (a decimal comma needs semicolons or tabs between columns)."
+OTHER_COLUMNS = (
+    "Make a file of its own of this row and all below it: they stand in other columns than those "
+    "above."
+)
 NULLS = sorted({w for m in MISSING for w in (m, m.upper(), m.capitalize())} | {"NaN", "N/a"})
 Kind = Literal["number", "text"]
 
@@ -310,6 +316,8 @@ def _parse_carefully(
     for name in kinds:
         header &= texts[name].isin([name, ""]) | (texts[name] == name)
     header |= _repeats_units(texts, layout)
+    again = _headers_again(path, texts, layout, lines)
+    header |= np.isin(np.arange(len(lines)), again)
     comment = texts[first].str.startswith(COMMENT_MARKS)
     kept = ~np.asarray(header | comment, dtype=bool)
     has_point = bool(DECIMAL_POINT.search(body))
@@ -321,6 +329,32 @@ def _parse_carefully(
             _numbers(path, name, text, kept, lines) if kind == "number" else text.to_numpy(object)
         )
     return columns, kept, lines
+
+
+def _headers_again(
+    path: Path, texts: Mapping[str, pd.Series], layout: Layout, lines: np.ndarray
+) -> list[int]:
+    """Rows that name the columns once more, with units in brackets or letters of other size.
+
+    Raises
+    ------
+    InputError
+        When one names them in another order: what follows it would be read into wrong columns.
+    """
+    names = {name.lower() for name in layout.names if name}
+    first = next(iter(texts.values())).str.strip('"').str.lower()
+    found = []
+    for k in np.flatnonzero(first.str.startswith(tuple(names))):
+        cells = {name: plain_name(text.iloc[k])[0].lower() for name, text in texts.items()}
+        if all(cell in (name.lower(), "") for name, cell in cells.items()):
+            found.append(int(k))
+        elif set(cells.values()) <= names:
+            raise InputError(
+                "names the columns again, in another order",
+                f"{path}, row {lines[k]}",
+                OTHER_COLUMNS,
+            )
+    return found
 
 
 def _repeats_units(texts: Mapping[str, pd.Series], layout: Layout) -> pd.Series | bool:
@@ -422,7 +456,7 @@ def _count_dropped(
                 f"{len(ragged)} rows do not have the {len(layout.names)} fields of the header, "
                 f"e.g. {ragged[0][:60]!r}",
                 f"{path}, row {row[0]}" if row else str(path),
-                "Check the delimiter (a decimal comma needs semicolons or tabs between columns).",
+                OTHER_COLUMNS if _names_columns(ragged[0], layout) else DELIMITER_REMEDY,
             )
     if cut_off:
         where["incomplete_last_row"] = (layout.data_line + 1 + body.count(b"\n"),)
@@ -434,6 +468,12 @@ def _count_dropped(
     if counts["repeated_header"]:
         where["repeated_header"] = tuple(int(k) for k in lines[~kept][:FIRST_FEW])
     return {reason: n for reason, n in counts.items() if n}, where
+
+
+def _names_columns(row: str, layout: Layout) -> bool:
+    """Whether a row is a header with other columns, as of a logger that was started again."""
+    cells = {plain_name(cell)[0].strip().lower() for cell in split(row, layout.delimiter)}
+    return len(cells & {name.lower() for name in layout.names if name}) > 1
 
 
 def _find_rows(body: bytes, layout: Layout, texts: Sequence[str]) -> tuple[int, ...]:

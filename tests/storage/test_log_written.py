@@ -168,3 +168,29 @@ def test_a_header_and_its_units_written_again_are_left_out(tmp_path):
     (trial,) = read_trials([tmp_path / "run.csv"])
     same(trial)
     assert trial.sensors["dvl"].dropped == {"repeated_header": 2}
+
+
+@pytest.mark.parametrize("again", [str.upper, lambda names: names.replace("u_mps", "u_mps [m/s]")])
+def test_a_header_written_again_in_other_letters_or_with_units_is_left_out(tmp_path, again):
+    names, *rows = wide_table().to_csv(index=False).splitlines()
+    lines = [names, *rows[:100], again(names), *rows[100:]]
+    (tmp_path / "run.csv").write_text("\n".join(lines))
+    (trial,) = read_trials([tmp_path / "run.csv"])
+    same(trial)
+    assert trial.sensors["dvl"].dropped == {"repeated_header": 1}
+
+
+def test_columns_that_change_places_are_told_with_what_to_do(tmp_path):
+    """To remove the row, as was advised, would have put v into u from there on."""
+    table = wide_table()
+    other = table[["time_s", "v_mps", "u_mps", *table.columns[3:]]][150:].to_csv(index=False)
+    (tmp_path / "run.csv").write_text(table[:150].to_csv(index=False) + other)
+    with pytest.raises(InputError, match="in another order") as caught:
+        read_trials([tmp_path / "run.csv"])
+    assert caught.value.where.endswith("run.csv, row 152")
+    assert "file of its own" in (caught.value.remedy or "")
+    more = table[150:].assign(battery_v=24.0).to_csv(index=False)
+    (tmp_path / "run.csv").write_text(table[:150].to_csv(index=False) + more)
+    with pytest.raises(InputError, match="fields of the header") as caught:
+        read_trials([tmp_path / "run.csv"])
+    assert "file of its own" in (caught.value.remedy or "")
