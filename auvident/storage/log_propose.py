@@ -45,6 +45,7 @@ from auvident.storage.log_propose_topics import (
 )
 from auvident.storage.log_time import EPOCH_MAGNITUDES
 from auvident.storage.log_time_names import guess_time, time_unit
+from auvident.storage.log_valid import unread_flag
 
 USUAL_STEP_S = 5.0  # a median step above it means that the time is not in seconds
 STEPS_OF = {"ms": 1e3 * USUAL_STEP_S, "us": 1e6 * USUAL_STEP_S}  # steps below: this unit
@@ -82,7 +83,8 @@ def propose_map(
     unassigned = tuple(c.column for c in CHANNELS if c.needed and c.column not in found)
     silent = any(may_be_on_change(p, chosen, values) for p in proposals)
     homes = {q.home: [p.name for p in proposals if p.home == q.home] for q in proposals}
-    is_read = not silent and not _in_finer_units(proposals, chosen, values)
+    marks = any(_has_unread_flag(p, chosen, values) for p in proposals)
+    is_read = not silent and not marks and not _in_finer_units(proposals, chosen, values)
     is_read = is_read and are_one_trial(homes, trials) and _reads_without(chosen, proposals)
     if is_read and not (unassigned and _have_other_columns(chosen, values, proposals)):
         return "", unassigned
@@ -229,6 +231,13 @@ def _base(name: str) -> str:
     stem, _, suffix = lower.rpartition("_")
     is_unit = bool(unit_name(suffix)) or suffix in PERCENT
     return stem if stem and is_unit else split_unit(lower)[0]
+
+
+def _has_unread_flag(proposal: Proposal, logs: Mapping[str, LogFile], values: Values) -> bool:
+    """Whether the table of a DVL marks its readings in a column that only a map can name."""
+    home = proposal.home
+    is_left = unread_flag(logs[home].names) is not None
+    return is_left and bool(flag_lines(proposal.channel.sensor, values[home]))
 
 
 def _reads_without(logs: Mapping[str, LogFile], proposals: list[Proposal]) -> bool:

@@ -136,6 +136,24 @@ def test_a_column_that_marks_lost_bottom_is_proposed_as_valid(tmp_path, name):
     assert "valid" not in text
 
 
+def test_a_mark_of_lost_bottom_under_another_name_is_not_passed_over(tmp_path):
+    """Where all else has the program's names: no map was proposed, and nothing told of it."""
+    tables = sensor_tables()
+    lost = np.arange(len(tables["dvl"])) % 7 == 3
+    tables["dvl"]["bt_valid"] = (~lost).astype(int)
+    folder = write_folder(tmp_path / "run", tables)
+    (plain,) = read_trials([folder])
+    assert [f.code for f in plain.findings] == ["columns_not_read"]
+    assert "bt_valid (which readings of the DVL are valid)" in plain.findings[0].message
+    (trial,) = read_as_proposed(folder, tmp_path)
+    assert trial.sensors["dvl"].dropped == {"marked_invalid": int(lost.sum())}
+    assert not trial.findings
+    tables["dvl"] = tables["dvl"].rename(columns={"bt_valid": "valid"})
+    folder = write_folder(tmp_path / "own", tables)
+    assert inspect_log(folder).proposed_map == ""
+    assert not read_trials([folder])[0].findings
+
+
 def test_an_input_that_may_be_written_on_change_is_proposed_so(tmp_path):
     columns = {"dvl": "u_mps,v_mps", "gyro": "r_degps", "rudder": "rudder_deg"}
     for name, heads in columns.items():
