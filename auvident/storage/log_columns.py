@@ -164,6 +164,7 @@ ALIASES: dict[str, tuple[str, ...]] = {
     "north": ("x", "x_north", "pos_n", "pos_north", "northing", "ned_x", "pos_x", "y_utm", "x0"),
     "east": ("y", "y_east", "pos_e", "pos_east", "easting", "ned_y", "pos_y", "x_utm", "y0"),
 }
+INSTRUMENTS = frozenset(("imu", "ahrs", "ins", "mru", "nav", "gyro", "fog", "dvl", "adcp", "ctd"))
 USUAL_UNIT = {"m/s": "mps", "rad": "deg", "rad/s": "degps", "1/min": "rpm", "m": "m"}
 MOST_LISTED = 40  # names in a message
 LEAST_LETTERS = 3  # of a quantity whose name says something within that of a column
@@ -399,6 +400,11 @@ def guess_column(channel: Channel, names: Sequence[str]) -> str | None:
         for name, base in bases.items():
             if wanted in (base, name.strip().lower()):
                 return name
+    words = (channel.quantity, *ALIASES[channel.quantity])
+    for wanted in (word for word in words if len(word) >= LEAST_LETTERS):
+        for name, base in bases.items():
+            if wanted == _without_instrument(base):
+                return name
     known = [a for a in (channel.quantity, *ALIASES[channel.quantity]) if len(a) > 3]
     taken = {a for q, aliases in ALIASES.items() for a in (q, *aliases) if q != channel.quantity}
     for name, base in bases.items():
@@ -409,6 +415,14 @@ def guess_column(channel: Channel, names: Sequence[str]) -> str | None:
         ):
             return name
     return None
+
+
+def _without_instrument(base: str) -> str:
+    """Name of a column without the instrument before it: ``imu yaw rate`` is ``yaw_rate``."""
+    words = [word for word in re.split(r"[\W_]+", base) if word]
+    while len(words) > 1 and words[0] in INSTRUMENTS:
+        del words[0]
+    return "_".join(words)
 
 
 def missing_channel(

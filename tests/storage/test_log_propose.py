@@ -87,6 +87,20 @@ def test_a_name_of_another_quantity_is_not_taken_for_a_misspelt_one(tmp_path):
     assert "[elevator]" not in text
 
 
+@pytest.mark.parametrize("name", ["IMU Yaw Rate [deg/s]", "ahrs.yaw_rate_degps", "INS-Turn Rate"])
+def test_a_yaw_rate_with_its_instrument_before_it_is_recognised(tmp_path, name):
+    """Beside a pitch rate and a roll rate, which are not taken for it."""
+    tables = sensor_tables()
+    rate = tables["gyro"].pop("r_degps")
+    for other in ("IMU Roll Rate", "IMU Pitch Rate"):
+        tables["gyro"][f"{other} [deg/s]"] = 0.1 * rate
+    tables["gyro"][name] = rate
+    (trial,) = read_as_proposed(write_folder(tmp_path / "run", tables), tmp_path)
+    found = trial.sensors["gyro"].values
+    np.testing.assert_allclose(found["r_radps"], np.radians(rate))
+    np.testing.assert_allclose(found["q_radps"], 0.1 * np.radians(rate))
+
+
 def test_needed_channels_without_a_column_are_lines_to_be_finished(tmp_path) -> None:
     """Taken out of their comments, with the columns named, the map reads the log."""
     foreign_log.write(tmp_path / "trial.csv")
