@@ -43,6 +43,9 @@ PERCENT_REMEDY = (
     "a throttle in percent needs scale, the rpm of one percent: "
     '{ column = "throttle", unit = "percent", scale = 12.5 }'
 )
+PERCENT_OF_FIN = (
+    ': give the unit that scale makes of it, the degrees of one percent: unit = "deg", scale = 0.25'
+)
 AS_ANGLES = ("north", "east")  # also of latitude and longitude, always both
 LONE_ANGLE = (
     "{0} alone is an angle; latitude and longitude go together: "
@@ -143,7 +146,11 @@ class SensorMap(Declared):
             name = unit_name(entry.unit) if entry.unit is not None else None
             if entry.unit is not None and name not in units_for(quantity):
                 allowed = ", ".join(units_for(quantity))
-                raise ValueError(f"unit {entry.unit!r} of {quantity} is not one of {allowed}")
+                share = (entry.unit or "").strip().lower() in PERCENT
+                remedy = PERCENT_OF_FIN if share and name is None else ""
+                raise ValueError(
+                    f"unit {entry.unit!r} of {quantity} is not one of {allowed}{remedy}"
+                )
         return self
 
 

@@ -40,6 +40,10 @@ NAMED = 4  # coefficients named per candidate
 ONE_RATE, STEP_DOWN = 1.05, 0.2  # rates up to this ratio are one; the step down from it
 LEAST_NAMED = 0.05  # a standard deviation that falls by less is not worth naming
 VELOCITIES = np.array([True, True, True, False])
+ASTERN_REMEDY = (
+    "If it drove the vehicle ahead, its sign in the log is the other one: give `auvident run` "
+    "--fix rpm_sign, or set sign = -1 for rpm in a map (--map)."
+)
 
 
 @dataclass(frozen=True)
@@ -134,6 +138,11 @@ def rpm_levels(
 
     Of a trial at one rate the low one is a fifth lower, which every propeller can do: thrust steps
     are what such a trial lacks.
+
+    Raises
+    ------
+    NumericsError
+        When the propeller never turns ahead in them.
     """
     by_name = {trial.name: trial.table for trial in trials}
     used = []
@@ -142,7 +151,14 @@ def rpm_levels(
         inside = (table["time_s"] >= m.t_start_s) & (table["time_s"] <= m.t_end_s)
         used.append(table["rpm"].to_numpy()[inside.to_numpy()])
     rpm = np.concatenate(used)
-    low, middle, high = np.nanquantile(rpm[rpm > 0], [0.05, 0.5, 0.95])
+    ahead = rpm[rpm > 0]
+    if not ahead.size:
+        raise NumericsError(
+            "the propeller never turns ahead in the maneuvers of the log, so there is no rate to "
+            "plan a maneuver at",
+            remedy=ASTERN_REMEDY,
+        )
+    low, middle, high = np.nanquantile(ahead, [0.05, 0.5, 0.95])
     if high < ONE_RATE * low:
         low = (1.0 - STEP_DOWN) * low
     return float(low), float(middle), float(high)

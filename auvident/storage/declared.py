@@ -29,6 +29,7 @@ Model = TypeVar("Model", bound=BaseModel)
 
 _OUTSIDE = ContextVar("paths in declared files may leave their folder", default=False)
 OUTSIDE_REMEDY = "Copy it there, or give --allow-outside."
+TABLE_ON_ONE_LINE = re.compile(r"^[ \t]*(?P<table>\[[\w.-]+\])[ \t]+[\w.-]+[ \t]*=", re.MULTILINE)
 SYNTAX_REMEDY = (
     "Correct it there: key = value on a line of its own, tables as [name] (as [[name]] where "
     "there may be several), text in quotes, and numbers with a decimal point."
@@ -147,7 +148,7 @@ def read_toml(path: Path) -> dict:
         raise _no_utf8(content, error, path) from None
     except tomllib.TOMLDecodeError as error:
         problem = f"is not valid TOML: {clipped(str(error))}"
-        raise InputError(problem, str(path), SYNTAX_REMEDY) from error
+        raise InputError(problem, str(path), _syntax_remedy(text)) from error
     except RecursionError:
         raise InputError("is nested too deeply", str(path), "Check the brackets.") from None
     except ValueError as error:  # of a number with thousands of digits
@@ -156,6 +157,18 @@ def read_toml(path: Path) -> dict:
             str(path),
             "Correct it: no number here needs more than twenty digits.",
         ) from None
+
+
+def _syntax_remedy(text: str) -> str:
+    """What to do about a fault of syntax, such as a table on one line, as messages show it."""
+    found = TABLE_ON_ONE_LINE.search(text)
+    if found is None:
+        return SYNTAX_REMEDY
+    line = text.count("\n", 0, found.start("table")) + 1
+    return (
+        f"In line {line} write {found['table']} on a line of its own, and below it each "
+        "key = value on one, without the commas between them."
+    )
 
 
 def _no_utf8(content: bytes, error: UnicodeDecodeError, path: Path) -> InputError:

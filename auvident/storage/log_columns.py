@@ -164,6 +164,7 @@ ALIASES: dict[str, tuple[str, ...]] = {
     "north": ("x", "x_north", "pos_n", "pos_north", "northing", "ned_x", "pos_x", "y_utm", "x0"),
     "east": ("y", "y_east", "pos_e", "pos_east", "easting", "ned_y", "pos_y", "x_utm", "y0"),
 }
+INSTRUMENTS = frozenset(("imu", "ahrs", "ins", "mru", "nav", "gyro", "fog", "dvl", "adcp", "ctd"))
 USUAL_UNIT = {"m/s": "mps", "rad": "deg", "rad/s": "degps", "1/min": "rpm", "m": "m"}
 MOST_LISTED = 40  # names in a message
 LEAST_LETTERS = 3  # of a quantity whose name says something within that of a column
@@ -364,11 +365,12 @@ def _factor(log: LogFile, name: str, channel: Channel, unit: str | None) -> floa
     names = " or ".join(f"{stem}_{suffix}" for suffix in allowed)
     label = log.unit_of(name).strip()
     if unit is None and label:
+        entry = entry_text(channel, name)
+        entry = entry if "scale" in entry else entry.replace(" }", ", scale = ... }")
         raise InputError(
             f"column {name} ({channel.meaning}) is labelled {label!r}, which is no known unit",
             log.where,
-            f"State its unit in a map (--map), with scale, what 1 {label} is in that unit: "
-            + entry_text(channel, name).replace(" }", ", scale = ... }"),
+            f"State its unit in a map (--map), with scale, what 1 {label} is in that unit: {entry}",
         )
     problem = "has no unit" if unit is None else f"has the unit {unit}, which does not fit"
     raise InputError(
@@ -384,7 +386,11 @@ def entry_text(channel: Channel, name: str, unit: str | None = None) -> str:
     is_angle = quantity_named(split_unit(name)[0]) == channel.quantity
     usual = "deg" if is_angle else USUAL_UNIT[channel.unit]
     fits = unit if unit in units_for(channel.quantity) else usual
-    return f'[{channel.sensor}] {channel.quantity} = {{ column = "{name}", unit = "{fits}" }}'
+    is_share = name.strip().lower().rpartition("_")[2] in PERCENT
+    is_other = is_share or unit not in (None, fits)
+    scale = ", scale = ..." if channel.kind == "input" and is_other else ""
+    entry = f'{{ column = "{name}", unit = "{fits}"{scale} }}'
+    return f"[{channel.sensor}] {channel.quantity} = {entry}"
 
 
 def guess_column(channel: Channel, names: Sequence[str]) -> str | None:
@@ -393,6 +399,11 @@ def guess_column(channel: Channel, names: Sequence[str]) -> str | None:
     for wanted in (channel.quantity, *ALIASES[channel.quantity]):
         for name, base in bases.items():
             if wanted in (base, name.strip().lower()):
+                return name
+    words = (channel.quantity, *ALIASES[channel.quantity])
+    for wanted in (word for word in words if len(word) >= LEAST_LETTERS):
+        for name, base in bases.items():
+            if wanted == _without_instrument(base):
                 return name
     known = [a for a in (channel.quantity, *ALIASES[channel.quantity]) if len(a) > 3]
     taken = {a for q, aliases in ALIASES.items() for a in (q, *aliases) if q != channel.quantity}
@@ -404,6 +415,14 @@ def guess_column(channel: Channel, names: Sequence[str]) -> str | None:
         ):
             return name
     return None
+
+
+def _without_instrument(base: str) -> str:
+    """Name of a column without the instrument before it: ``imu yaw rate`` is ``yaw_rate``."""
+    words = [word for word in re.split(r"[\W_]+", base) if word]
+    while len(words) > 1 and words[0] in INSTRUMENTS:
+        del words[0]
+    return "_".join(words)
 
 
 def missing_channel(

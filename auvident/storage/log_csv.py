@@ -24,6 +24,7 @@ from auvident.storage.log_layout import (
     Layout,
     is_missing,
     is_value,
+    plain_name,
     split,
 )
 from auvident.storage.log_quotes import FEW, MOST_SHARE, blank_stray_quotes
@@ -42,6 +43,13 @@ DECIMAL_POINT = re.compile(
     rb"(?:^|[,;\t ])[ \"]*[+-]?\d*\.\d+(?:[eE][+-]?\d+)?[ \"]*(?=[,;\t \n]|\Z)", re.MULTILINE
 )
 THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(?:,\d{3})+(?:\.\d*)?")
+THOUSANDS_BY_POINTS = re.compile(r"[+-]?[1-9]\d{0,2}(?:\.\d{3})+(?:,\d*)?")
+THOUSAND = 1000.0
+DELIMITER_REMEDY = "Check the delimiter (a decimal comma needs semicolons or tabs between columns)."
+OTHER_COLUMNS = (
+    "Make a file of its own of this row and all below it: they stand in other columns than those "
+    "above."
+)
 NULLS = sorted({w for m in MISSING for w in (m, m.upper(), m.capitalize())} | {"NaN", "N/a"})
 Kind = Literal["number", "text"]
 
@@ -169,7 +177,7 @@ def _read_body(
         kept = np.ones(len(table), dtype=bool)
         lines = _lines(body, layout, len(table))
     except pa.ArrowInvalid:
-        columns, kept, lines = _parse_carefully(path, body, layout, kinds, bad)
+        columns, kept, lines = _parse_carefully(path, body, layout, kinds, comma, bad)
     dropped, dropped_rows = _count_dropped(path, body, layout, bad, kept, lines, cut_off)
     if stray:
         dropped["stray_quote"] = len(stray)
@@ -284,7 +292,12 @@ def _to_numpy(column: pa.ChunkedArray, kind: Kind) -> np.ndarray:
 
 
 def _parse_carefully(
-    path: Path, body: bytes, layout: Layout, kinds: Mapping[str, Kind], bad: list[str]
+    path: Path,
+    body: bytes,
+    layout: Layout,
+    kinds: Mapping[str, Kind],
+    comma: bool,
+    bad: list[str],
 ) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray]:
     """Parse as text, leave out comments and repeated headers, name the first text left."""
     first = layout.names[0]
@@ -303,16 +316,45 @@ def _parse_carefully(
     for name in kinds:
         header &= texts[name].isin([name, ""]) | (texts[name] == name)
     header |= _repeats_units(texts, layout)
+    again = _headers_again(path, texts, layout, lines)
+    header |= np.isin(np.arange(len(lines)), again)
     comment = texts[first].str.startswith(COMMENT_MARKS)
     kept = ~np.asarray(header | comment, dtype=bool)
     has_point = bool(DECIMAL_POINT.search(body))
     columns = {}
     for name, kind in kinds.items():
         text = _without_thousands(texts[name]) if has_point else texts[name]
+        text = _without_points(text) if has_point and comma else text
         columns[name] = (
             _numbers(path, name, text, kept, lines) if kind == "number" else text.to_numpy(object)
         )
     return columns, kept, lines
+
+
+def _headers_again(
+    path: Path, texts: Mapping[str, pd.Series], layout: Layout, lines: np.ndarray
+) -> list[int]:
+    """Rows that name the columns once more, with units in brackets or letters of other size.
+
+    Raises
+    ------
+    InputError
+        When one names them in another order: what follows it would be read into wrong columns.
+    """
+    names = {name.lower() for name in layout.names if name}
+    first = next(iter(texts.values())).str.strip('"').str.lower()
+    found = []
+    for k in np.flatnonzero(first.str.startswith(tuple(names))):
+        cells = {name: plain_name(text.iloc[k])[0].lower() for name, text in texts.items()}
+        if all(cell in (name.lower(), "") for name, cell in cells.items()):
+            found.append(int(k))
+        elif set(cells.values()) <= names:
+            raise InputError(
+                "names the columns again, in another order",
+                f"{path}, row {lines[k]}",
+                OTHER_COLUMNS,
+            )
+    return found
 
 
 def _repeats_units(texts: Mapping[str, pd.Series], layout: Layout) -> pd.Series | bool:
@@ -333,6 +375,24 @@ def _without_thousands(text: pd.Series) -> pd.Series:
     if not with_comma.any() or not plain[with_comma].str.fullmatch(THOUSANDS).all():
         return text
     return plain.where(~with_comma, plain.str.replace(",", "", regex=False))
+
+
+def _without_points(text: pd.Series) -> pd.Series:
+    """Numbers such as 1.170 as 1170, in a file that has decimals behind a comma.
+
+    As some files mix decimal commas and points, it has to show in the column: by a number with
+    both marks, or by others, none of them a thousand or more, that have no point.
+    """
+    plain = text.str.strip('" ')
+    with_point = plain.str.contains(".", regex=False)
+    pointed, others = plain[with_point], plain[~with_point & ~plain.str.lower().isin(MISSING)]
+    if not len(pointed) or not pointed.str.fullmatch(THOUSANDS_BY_POINTS).all():
+        return text
+    sizes = pd.to_numeric(others.str.replace(",", ".", regex=False), errors="coerce").abs()
+    are_smaller = bool(len(sizes)) and bool((sizes < THOUSAND).all())
+    if not are_smaller and not pointed.str.contains(",", regex=False).any():
+        return text
+    return plain.where(~with_point, plain.str.replace(".", "", regex=False))
 
 
 def _numbers(
@@ -396,7 +456,7 @@ def _count_dropped(
                 f"{len(ragged)} rows do not have the {len(layout.names)} fields of the header, "
                 f"e.g. {ragged[0][:60]!r}",
                 f"{path}, row {row[0]}" if row else str(path),
-                "Check the delimiter (a decimal comma needs semicolons or tabs between columns).",
+                OTHER_COLUMNS if _names_columns(ragged[0], layout) else DELIMITER_REMEDY,
             )
     if cut_off:
         where["incomplete_last_row"] = (layout.data_line + 1 + body.count(b"\n"),)
@@ -408,6 +468,12 @@ def _count_dropped(
     if counts["repeated_header"]:
         where["repeated_header"] = tuple(int(k) for k in lines[~kept][:FIRST_FEW])
     return {reason: n for reason, n in counts.items() if n}, where
+
+
+def _names_columns(row: str, layout: Layout) -> bool:
+    """Whether a row is a header with other columns, as of a logger that was started again."""
+    cells = {plain_name(cell)[0].strip().lower() for cell in split(row, layout.delimiter)}
+    return len(cells & {name.lower() for name in layout.names if name}) > 1
 
 
 def _find_rows(body: bytes, layout: Layout, texts: Sequence[str]) -> tuple[int, ...]:

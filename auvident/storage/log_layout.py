@@ -165,7 +165,7 @@ def _header_by_name(lines: Sequence[str], names: Collection[str]) -> tuple[int, 
         if not line.strip():
             continue
         delimiter, fields = _best_split(_uncommented(line))
-        known = any(_plain(name)[0].lower() in names for name in fields)
+        known = any(plain_name(name)[0].lower() in names for name in fields)
         if not known or any(NUMBER.fullmatch(field) for field in fields):
             continue
         if is_comment(line):
@@ -211,14 +211,15 @@ def _header_in_comment(lines: Sequence[str]) -> tuple[int, str] | None:
     return (above, delimiter) if fits else None
 
 
-def _plain(name: str) -> tuple[str, str]:
+def plain_name(name: str) -> tuple[str, str]:
+    """Name and unit of a column as its header has them (``u [m/s]``)."""
     name = name.replace('"', "")
     found = BRACKETS.match(name)
     return (found["name"], found["unit"]) if found else (name, "")
 
 
 def _names_and_units(fields: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    pairs = [_plain(field) for field in fields]
+    pairs = [plain_name(field) for field in fields]
     return tuple(name for name, _ in pairs), tuple(unit for _, unit in pairs)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from auvident.errors import InputError
 from auvident.schema.channels import Channel
 from auvident.schema.holding import seems_on_change
-from auvident.schema.logs import KNOT, UNITS, SensorMap, is_angle_for, unit_name
+from auvident.schema.logs import KNOT, PERCENT, UNITS, SensorMap, is_angle_for, unit_name
 from auvident.storage.log_columns import split_unit
 from auvident.storage.log_file import LogFile
 from auvident.storage.log_geographic import from_first_fix
@@ -27,6 +27,7 @@ RANGE_UNITS: dict[str, tuple[tuple[str, float], ...]] = {
     "1/min": (("rps", 40.0), ("rpm", np.inf)),
     "m": (("m", np.inf),),
 }
+RPM_OF_RADPS = 30.0 / np.pi
 FIN_LIMIT = 1.6  # rad: a fin beyond 90 degrees is in degrees
 CHORD_S = 10.0  # over which a speed is taken from the position
 LEAST_MPS = 0.3  # a slower vehicle may be drifting
@@ -92,6 +93,22 @@ def unit_of(channel: Channel, log: LogFile, name: str, values: np.ndarray) -> tu
     if channel.kind == "input" and channel.unit == "rad":
         options = (("rad", FIN_LIMIT), ("deg", np.inf))
     return next(unit for unit, limit in options if largest <= limit), True
+
+
+def in_another(channel: Channel, log: LogFile, name: str) -> tuple[str, float, str] | None:
+    """Unit, scale and remark for a column that says a unit which is none of its channel.
+
+    A share of the range becomes an angle or a rate by a scale that the log does not know: a map
+    without it is refused with what to write.
+    """
+    label, suffix = log.unit_of(name).strip().lower(), name.strip().lower().rpartition("_")[2]
+    if channel.kind == "input" and {label, suffix} & PERCENT:
+        if channel.unit == "1/min":
+            return "percent", 1.0, "add scale, the rpm of one percent"
+        return "percent", 1.0, 'write unit = "deg" and scale, the degrees of one percent'
+    if channel.unit == "1/min" and "radps" in (unit_name(label), unit_name(suffix)):
+        return "rpm", RPM_OF_RADPS, "rad/s by its name"
+    return None
 
 
 def in_knots(

@@ -7,7 +7,7 @@ import numpy as np
 
 from auvident.errors import InputError
 from auvident.schema.channels import CHANNELS, SENSORS, Channel
-from auvident.schema.logs import SensorMap, unit_name
+from auvident.schema.logs import PERCENT, SensorMap, unit_name
 from auvident.storage.log_columns import (
     ALIASES,
     angle_of,
@@ -22,6 +22,7 @@ from auvident.storage.log_file import LogFile
 from auvident.storage.log_proposal import (
     Proposal,
     Values,
+    in_another,
     in_knots,
     may_be_on_change,
     one_unit,
@@ -44,6 +45,7 @@ from auvident.storage.log_propose_topics import (
 )
 from auvident.storage.log_time import EPOCH_MAGNITUDES
 from auvident.storage.log_time_names import guess_time, time_unit
+from auvident.storage.log_valid import unread_flag
 
 USUAL_STEP_S = 5.0  # a median step above it means that the time is not in seconds
 STEPS_OF = {"ms": 1e3 * USUAL_STEP_S, "us": 1e6 * USUAL_STEP_S}  # steps below: this unit
@@ -81,7 +83,8 @@ def propose_map(
     unassigned = tuple(c.column for c in CHANNELS if c.needed and c.column not in found)
     silent = any(may_be_on_change(p, chosen, values) for p in proposals)
     homes = {q.home: [p.name for p in proposals if p.home == q.home] for q in proposals}
-    is_read = not silent and not _in_finer_units(proposals, chosen, values)
+    marks = any(_has_unread_flag(p, chosen, values) for p in proposals)
+    is_read = not silent and not marks and not _in_finer_units(proposals, chosen, values)
     is_read = is_read and are_one_trial(homes, trials) and _reads_without(chosen, proposals)
     if is_read and not (unassigned and _have_other_columns(chosen, values, proposals)):
         return "", unassigned
@@ -168,13 +171,24 @@ def _assign(logs: Mapping[str, LogFile], values: Values) -> list[Proposal]:
                 ]
                 name = _named(channel, logs[key], names, exact)
                 if name is not None:
-                    unit, guessed = unit_of(channel, logs[key], name, values[key][name])
-                    label = logs[key].unit_of(name).strip() if guessed else ""
-                    said = f'labelled "{label}"' if label else ""
-                    found[channel.column] = Proposal(channel, key, name, unit, guessed, remark=said)
+                    found[channel.column] = _proposal(channel, key, name, logs[key], values[key])
                     used.add((key, name))
                     break
     return _with_angles(found, logs, values)
+
+
+def _proposal(
+    channel: Channel, key: str, name: str, log: LogFile, values: Mapping[str, np.ndarray]
+) -> Proposal:
+    """A column for a channel in the unit that it states, else that of its range."""
+    another = in_another(channel, log, name)
+    if another is not None:
+        unit, scale, remark = another
+        return Proposal(channel, key, name, unit, False, remark=remark, scale=scale)
+    unit, guessed = unit_of(channel, log, name, values[name])
+    label = log.unit_of(name).strip() if guessed else ""
+    remark = f'labelled "{label}"' if label else ""
+    return Proposal(channel, key, name, unit, guessed, remark=remark)
 
 
 def _with_angles(
@@ -215,7 +229,15 @@ def _exact(channel: Channel, names: list[str]) -> str | None:
 def _base(name: str) -> str:
     lower = name.strip().lower()
     stem, _, suffix = lower.rpartition("_")
-    return stem if stem and unit_name(suffix) else split_unit(lower)[0]
+    is_unit = bool(unit_name(suffix)) or suffix in PERCENT
+    return stem if stem and is_unit else split_unit(lower)[0]
+
+
+def _has_unread_flag(proposal: Proposal, logs: Mapping[str, LogFile], values: Values) -> bool:
+    """Whether the table of a DVL marks its readings in a column that only a map can name."""
+    home = proposal.home
+    is_left = unread_flag(logs[home].names) is not None
+    return is_left and bool(flag_lines(proposal.channel.sensor, values[home]))
 
 
 def _reads_without(logs: Mapping[str, LogFile], proposals: list[Proposal]) -> bool:

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Collection, Mapping, Sequence
+from fnmatch import fnmatchcase
 from itertools import takewhile
 from pathlib import Path
 
@@ -10,11 +11,12 @@ from auvident.schema.channels import NEEDED
 from auvident.schema.logs import SensorMap
 from auvident.storage.log_aside import sensors_of
 from auvident.storage.log_columns import resolve, time_column
-from auvident.storage.log_file import LogFile
+from auvident.storage.log_file import LogFile, stem
 from auvident.storage.log_find import find_trials
 
 Tables = Mapping[str, LogFile]  # by `LogFile.where`
 PREFIX = re.compile(r".*[_\-. ]")  # of names such as run1_dvl.csv: all before the last part
+SUFFIX = re.compile(r"[_\-. ][^_\-. ].*")  # of names such as dvl_001: all behind the first part
 SIGNS = re.compile(r"[\[\]*?]")  # that mean something in a pattern
 
 
@@ -62,8 +64,9 @@ def are_one_trial(homes: Collection[str], trials: Sequence[Tables]) -> bool:
 def file_patterns(homes: Mapping[str, Collection[str]], logs: Tables) -> dict[str, str]:
     """Name of the file of each table as a map has it.
 
-    Where several trials lie in one folder, told apart by what their files begin with
-    (``a1_dvl.csv``, ``a1_gyro.csv``, ``b2_dvl.csv``, ...), it is a pattern that fits all.
+    Where several trials or parts of one lie in one folder, told apart by what their files begin
+    or end with (``a1_dvl.csv``, ``a1_gyro.csv``, ``b2_dvl.csv``; ``dvl_001.csv``,
+    ``gyro_001.csv``, ``dvl_002.csv``), it is a pattern that fits all.
 
     Parameters
     ----------
@@ -73,20 +76,46 @@ def file_patterns(homes: Mapping[str, Collection[str]], logs: Tables) -> dict[st
         All tables of the folder.
     """
     names = {home: logs[home].path.name for home in homes}
-    begin = PREFIX.match(_common_beginning(names.values()))
-    if begin is None or len(set(names.values())) < 2:
+    if len(set(names.values())) < 2:
         return names
-    rests = {home: name[begin.end() - 1 :] for home, name in names.items()}
     others = [log for log in logs.values() if log.path.name not in names.values()]
-    alike = [_has_alike(others, rests[home], columns) for home, columns in homes.items()]
-    if not all(alike) or any(map(SIGNS.search, rests.values())):
-        return names
-    return {home: f"*{rest}" for home, rest in rests.items()}
+    for patterns in (_by_ending(names), _by_beginning(names, logs)):
+        alike = [_has_alike(others, patterns[home], homes[home]) for home in patterns]
+        if patterns and all(alike):
+            return patterns
+    return names
 
 
-def _has_alike(others: Collection[LogFile], rest: str, columns: Collection[str]) -> bool:
-    """Whether there are files of this ending, and all of them have the columns."""
-    found = [log for log in others if log.path.name.endswith(rest)]
+def _by_ending(names: Mapping[str, str]) -> dict[str, str]:
+    """Patterns for what stands behind the beginning that all names have; none where there is none.
+
+    ``a1_dvl.csv`` and ``a1_gyro.csv`` give ``*_dvl.csv`` and ``*_gyro.csv``.
+    """
+    begin = PREFIX.match(_common_beginning(names.values()))
+    if begin is None:
+        return {}
+    rests = {home: name[begin.end() - 1 :] for home, name in names.items()}
+    return {} if any(map(SIGNS.search, rests.values())) else {h: f"*{r}" for h, r in rests.items()}
+
+
+def _by_beginning(names: Mapping[str, str], logs: Tables) -> dict[str, str]:
+    """Patterns for what stands before the ending that all names have; none where there is none.
+
+    ``dvl_001.csv`` and ``gyro_001.csv`` give ``dvl_*.csv`` and ``gyro_*.csv``.
+    """
+    stems = {home: stem(logs[home].path) for home in names}
+    end = SUFFIX.search(_common_beginning([text[::-1] for text in stems.values()])[::-1])
+    if end is None:
+        return {}
+    rests = {home: text[: len(text) - len(end[0]) + 1] for home, text in stems.items()}
+    if any(map(SIGNS.search, names.values())):
+        return {}
+    return {home: f"{rest}*{names[home][len(stems[home]) :]}" for home, rest in rests.items()}
+
+
+def _has_alike(others: Collection[LogFile], pattern: str, columns: Collection[str]) -> bool:
+    """Whether there are other files that a pattern fits, and all of them have the columns."""
+    found = [log for log in others if fnmatchcase(log.path.name, pattern)]
     return bool(found) and all(set(columns) <= set(log.names) for log in found)
 
 

@@ -13,6 +13,7 @@ from auvident.storage.log_file import LogFile
 from auvident.storage.log_geographic import COLUMNS
 from auvident.storage.log_proposal import Proposal, Values, unit_of
 from auvident.storage.log_propose_angles import angle_proposals, find_angles
+from auvident.storage.log_valid import is_flag_by_name
 from auvident.storage.readers.interface import STAMP
 from auvident.storage.readers.quaternions import ANGLES
 
@@ -50,10 +51,6 @@ WANTED = frozenset(("cmd", "command", "setpoint", "sp", "target", "desired", "re
 SWAPPED = {"x": "y", "y": "x"}
 AGAINST_FLU = ("v_mps", "w_mps", "q_radps", "r_radps")
 FLU_REMARK = "axes of REP 103, y to port and z up"
-FLAGS = (
-    *("valid", "is_valid", "dvl_valid", "velocity_valid", "bottom_lock", "lock", "locked"),
-    *("ok", "dvl_ok", "good", "dvl_good"),
-)
 STAMPED = "stamp_ns"
 PRINTED = "field."  # of each name in the text of `rostopic echo -p`
 MOST_LATE_S = 60.0  # of a stamp by the sensor against that of the recording
@@ -252,7 +249,7 @@ def flag_lines(sensor: str, values: Mapping[str, np.ndarray]) -> list[str]:
 
     A flag of another sensor is left alone: `valid` is read without a map, and others mean much.
     """
-    named = [n for n in values if n.strip().lower() in FLAGS] if sensor == "dvl" else []
+    named = [n for n in values if is_flag_by_name(n)] if sensor == "dvl" else []
     flag = next((n for n in named if _is_flag(values[n])), None)
     return [f"valid = {json.dumps(flag)}"] if flag else []
 

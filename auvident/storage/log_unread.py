@@ -8,6 +8,7 @@ from auvident.storage.log_columns import LogColumn, guess_column, of_sensor, spl
 from auvident.storage.log_file import LogFile
 from auvident.storage.log_geographic import quantity_named
 from auvident.storage.log_time_names import guess_time
+from auvident.storage.log_valid import unread_flag
 from auvident.storage.readers.quaternions import quaternions_in
 
 LEAST_LETTERS = 3  # of a name that means something in a file that is not that of its sensor
@@ -41,6 +42,8 @@ def columns_told(
             names = _left(log, homes, columns)
             likely = [(c, _likely(c, log, names)) for c in absent]
             said = [f"{name} ({channel.meaning})" for channel, name in likely if name]
+            flag = unread_flag(log.names) if sensor == "dvl" and sensor in homes else None
+            said += [f"{flag} (which readings of the DVL are valid)"] if flag else []
             if sensor == "attitude" and sensor not in homes:
                 said += _quaternions(names)
             found.setdefault(log.path.name, []).extend(said)

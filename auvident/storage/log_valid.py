@@ -1,5 +1,7 @@
 """Columns that mark invalid samples: which words and numbers are false, and which say neither."""
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from auvident.schema.artifacts import Finding
@@ -10,7 +12,28 @@ from auvident.storage.log_time import as_floats
 FALSE_WORDS = frozenset(("0", "0.0", "false", "f", "no", "n", "invalid", "bad", "nok", "void"))
 TRUE_WORDS = frozenset(("1", "1.0", "true", "t", "yes", "y", "valid", "good", "ok"))
 NMEA_TRUE, NMEA_FALSE = "a", "v"  # of NMEA 0183: data valid, navigation receiver warning
+BY_DEFAULT = ("valid", "dvl_valid")  # read without a map
+FLAGS = frozenset(
+    (
+        *("valid", "is_valid", "dvl_valid", "velocity_valid", "vel_valid", "bottom_lock", "lock"),
+        *("locked", "dvl_lock", "bt_lock", "bt_valid", "bt_good", "bt_ok", "bottom_track_valid"),
+        *("ok", "dvl_ok", "good", "dvl_good"),
+    )
+)
 FEW = 5  # values of a message
+
+
+def is_flag_by_name(name: str) -> bool:
+    """Whether a column is called as those in which a DVL marks its readings as valid."""
+    return name.strip().lower() in FLAGS
+
+
+def unread_flag(names: Iterable[str]) -> str | None:
+    """The column by which a DVL marks its readings, where a log without a map leaves it unread."""
+    called = {name.strip().lower(): name for name in names}
+    if not called.keys().isdisjoint(BY_DEFAULT):
+        return None
+    return next((name for name in called.values() if is_flag_by_name(name)), None)
 
 
 def marked(flags: np.ndarray, name: str, where: str) -> tuple[np.ndarray, tuple[Finding, ...]]:

@@ -194,6 +194,19 @@ def test_steps_by_hand_that_are_taken_for_polled_are_said_with_the_remedy():
     assert "input_logged_on_change" in codes
 
 
+@pytest.mark.parametrize("kept_s", [1000.0, 10_000_000.0])
+def test_stamps_that_a_spreadsheet_cut_are_told_so(kept_s):
+    """Milliseconds since 1970 in six digits: they were put down to another unit or clock."""
+    raw = calm()
+    cut = {
+        name: replace(s, time_s=1.7e9 + 900.0 + kept_s * np.floor(s.time_s / min(kept_s, 30.0)))
+        for name, s in raw.sensors.items()
+    }
+    with pytest.raises(InputError) as caught:
+        ingest(replace(raw, sensors=cut), vehicle())
+    assert "with all digits of its times" in (caught.value.remedy or "")
+
+
 def test_a_slow_clock_is_refused_with_the_likely_cause():
     raw = calm()
     with pytest.raises(InputError, match="milliseconds"):

@@ -214,6 +214,19 @@ def test_implausible_values_are_dropped_and_a_wrong_unit_is_refused():
         assert word in str(caught.value)
 
 
+def test_counts_of_a_servo_that_a_map_calls_degrees_are_told_with_scale_and_offset():
+    """It was told to be degrees in a _rad column, which there is not."""
+    raw = calm()
+    counts = np.deg2rad(2048.0 + 11.4 * np.rad2deg(raw.sensors["rudder"].values["rudder_rad"]))
+    named = {"rudder_rad": "servo_counts"}
+    with pytest.raises(InputError) as caught:
+        ingest(changed(raw, "rudder", values={"rudder_rad": counts}, columns=named), vehicle())
+    told = str(caught.value)
+    assert "or another quantity (counts" in told and "degrees)" in told
+    assert '[rudder] rudder = { column = "servo_counts", unit = "deg", scale = ...' in told
+    assert "_rad column" not in told
+
+
 def test_nan_only_channel_is_refused():
     raw = calm()
     nothing = np.full(200, np.nan)

@@ -3,6 +3,7 @@
 import pytest
 
 from auvident.engines.carried import structure_behind
+from auvident.errors import NumericsError
 from auvident.schema.artifacts import IdentifiedModel
 from auvident.schema.trial import Trial
 from auvident.stages.plan_trial import candidates, expected_information, rpm_levels
@@ -27,6 +28,17 @@ def test_a_trial_at_several_rates_keeps_within_them() -> None:
     low, middle, high = rpm_levels(found.trials, found.maneuvers.maneuvers)
     rpm = found.trials[0].table["rpm"]
     assert rpm[rpm > 0].min() <= low < middle < high <= rpm.max()
+
+
+@pytest.mark.parametrize("turned", [-1.0, 0.0])
+def test_a_propeller_that_never_turns_ahead_has_no_rate_to_plan_at(turned: float) -> None:
+    """As in a log whose rpm has the other sign, which is told and not refused."""
+    found = sample("harbour_trial")
+    (trial,) = found.trials
+    astern = Trial(trial.name, trial.table.assign(rpm=turned * trial.table["rpm"]), trial.rate_hz)
+    with pytest.raises(NumericsError, match="never turns ahead") as caught:
+        rpm_levels([astern], [m for m in found.maneuvers.maneuvers if m.kind == "turn"])
+    assert "--fix rpm_sign" in (caught.value.remedy or "")
 
 
 def test_forces_of_effects_act_in_the_maneuvers_that_are_judged() -> None:

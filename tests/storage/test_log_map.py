@@ -112,6 +112,10 @@ def test_on_change_reaches_the_sensor(tmp_path):
         ("[dvl]\ntime_drift_ppm = -1e300\n", ("[dvl] time_drift_ppm", "-1e+300")),
         ("[dvl]\ntime_offset_s = true\n", ("a number is asked for, not true",)),
         (f"[dvl]\ntime_offset_s = {'1' * 100_000}\n", ("cannot be read", "twenty digits")),
+        (
+            "[dvl]\nu = 'a'\n[rudder] file = 'x.csv', rudder = 'd'\n",
+            ("not valid TOML", "In line 3 write [rudder] on a line of its own", "commas"),
+        ),
         ("[rudder\n", ("not valid TOML", "line 1", "tables as [name]")),
     ],
 )

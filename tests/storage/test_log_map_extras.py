@@ -95,6 +95,7 @@ def test_scale_and_offset_hold_for_any_quantity_in_its_unit(tmp_path):
         ("[dvl]\nu = { constant = 1.5 }", ("u is measured",)),
         ("[elevator]\nelevator = { constant = 2 }", ("needs a unit",)),
         ('[rudder]\nrudder = { column = "d", unit = "percent", scale = 2 }', ("not one of",)),
+        ('[rudder]\nrudder = { column = "d", unit = "%" }', ("degrees of one percent",)),
         ('[dvl]\nu = { column = "speed", unit = "kn" }\n[derive]\nu = true', ("keep one",)),
     ],
 )

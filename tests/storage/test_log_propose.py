@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 from log_world import sensor_tables, wide_table, write_folder
 
+from auvident.errors import InputError
 from auvident.storage.log_inspect import inspect_log
 from auvident.storage.logs import read_column_map, read_trials
 from tests import foreign_log
@@ -86,6 +87,20 @@ def test_a_name_of_another_quantity_is_not_taken_for_a_misspelt_one(tmp_path):
     assert "[elevator]" not in text
 
 
+@pytest.mark.parametrize("name", ["IMU Yaw Rate [deg/s]", "ahrs.yaw_rate_degps", "INS-Turn Rate"])
+def test_a_yaw_rate_with_its_instrument_before_it_is_recognised(tmp_path, name):
+    """Beside a pitch rate and a roll rate, which are not taken for it."""
+    tables = sensor_tables()
+    rate = tables["gyro"].pop("r_degps")
+    for other in ("IMU Roll Rate", "IMU Pitch Rate"):
+        tables["gyro"][f"{other} [deg/s]"] = 0.1 * rate
+    tables["gyro"][name] = rate
+    (trial,) = read_as_proposed(write_folder(tmp_path / "run", tables), tmp_path)
+    found = trial.sensors["gyro"].values
+    np.testing.assert_allclose(found["r_radps"], np.radians(rate))
+    np.testing.assert_allclose(found["q_radps"], 0.1 * np.radians(rate))
+
+
 def test_needed_channels_without_a_column_are_lines_to_be_finished(tmp_path) -> None:
     """Taken out of their comments, with the columns named, the map reads the log."""
     foreign_log.write(tmp_path / "trial.csv")
@@ -133,6 +148,24 @@ def test_a_column_that_marks_lost_bottom_is_proposed_as_valid(tmp_path, name):
     tables["dvl"][name] = np.arange(len(lost)) % 5  # a count of beams
     text = inspect_log(write_folder(tmp_path / "other", tables)).proposed_map
     assert "valid" not in text
+
+
+def test_a_mark_of_lost_bottom_under_another_name_is_not_passed_over(tmp_path):
+    """Where all else has the program's names: no map was proposed, and nothing told of it."""
+    tables = sensor_tables()
+    lost = np.arange(len(tables["dvl"])) % 7 == 3
+    tables["dvl"]["bt_valid"] = (~lost).astype(int)
+    folder = write_folder(tmp_path / "run", tables)
+    (plain,) = read_trials([folder])
+    assert [f.code for f in plain.findings] == ["columns_not_read"]
+    assert "bt_valid (which readings of the DVL are valid)" in plain.findings[0].message
+    (trial,) = read_as_proposed(folder, tmp_path)
+    assert trial.sensors["dvl"].dropped == {"marked_invalid": int(lost.sum())}
+    assert not trial.findings
+    tables["dvl"] = tables["dvl"].rename(columns={"bt_valid": "valid"})
+    folder = write_folder(tmp_path / "own", tables)
+    assert inspect_log(folder).proposed_map == ""
+    assert not read_trials([folder])[0].findings
 
 
 def test_an_input_that_may_be_written_on_change_is_proposed_so(tmp_path):
@@ -187,6 +220,15 @@ def test_trials_told_apart_by_what_their_files_begin_with_get_patterns(tmp_path)
     found = read_as_proposed(written(tmp_path / "logs", tables), tmp_path)
     assert [trial.name for trial in found] == ["a1", "b2"]
     assert found[1].sensors["gyro"].file.endswith("b2_gyro.csv")
+
+
+@pytest.mark.parametrize("parts", [("001", "002"), ("20240611_100000", "20240611_101000")])
+def test_files_told_apart_by_what_they_end_with_get_patterns(tmp_path, parts):
+    """A recording that its logger split: a map for the first part alone read ten minutes of it."""
+    tables = {f"{s}_{part}": t for part in parts for s, t in sensor_tables().items()}
+    found = read_as_proposed(written(tmp_path / "logs", tables), tmp_path)
+    assert [trial.name for trial in found] == list(parts)
+    assert found[1].sensors["gyro"].file.endswith(f"gyro_{parts[1]}.csv")
 
 
 def test_no_pattern_where_one_trial_has_other_columns(tmp_path):
@@ -257,3 +299,35 @@ def test_messages_that_ros_printed_get_a_map_with_its_axes(tmp_path):
     for sensor, other in plain.sensors.items():
         for column, values in other.values.items():
             np.testing.assert_allclose(trial.sensors[sensor].values[column], values, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("sensor", "name", "factor", "proposed", "words"),
+    [
+        ("rudder", "rudder_pct", 4.0, 'unit = "percent"', ("degrees of one percent",)),
+        ("rpm", "rpm_percent", 0.05, 'unit = "percent"', ("rpm of one percent",)),
+    ],
+)
+def test_a_share_of_the_range_is_proposed_without_a_unit_it_has_not(
+    tmp_path, sensor, name, factor, proposed, words
+):
+    """As degrees, a rudder of 60 % would have been read without a word."""
+    tables = sensor_tables()
+    column = tables[sensor].columns[1]
+    tables[sensor] = tables[sensor].assign(**{column: factor * tables[sensor][column]})
+    tables[sensor] = tables[sensor].rename(columns={column: name})
+    folder = write_folder(tmp_path / "run", tables)
+    assert proposed in inspect_log(folder).proposed_map
+    with pytest.raises(InputError) as caught:
+        read_as_proposed(folder, tmp_path)
+    assert all(word in str(caught.value) for word in words)
+    with pytest.raises(InputError, match=r"scale = \.\.\."):
+        read_trials([folder])
+
+
+def test_a_shaft_in_radians_per_second_is_proposed_with_its_scale(tmp_path):
+    tables = sensor_tables()
+    rate = tables["rpm"].pop("rpm")
+    tables["rpm"]["shaft_radps"] = rate * np.pi / 30.0
+    (trial,) = read_as_proposed(write_folder(tmp_path / "run", tables), tmp_path)
+    np.testing.assert_allclose(trial.sensors["rpm"].values["rpm"], rate, rtol=1e-5)

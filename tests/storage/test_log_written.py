@@ -53,6 +53,34 @@ def test_a_comma_between_thousands_is_no_decimal_one(tmp_path, delimiter):
     same(trial)
 
 
+def german(value, digits):
+    """A number as spreadsheets in Germany write it: 1.170,5."""
+    return f"{value:,.{digits}f}".translate(str.maketrans(",.", ".,"))
+
+
+@pytest.mark.parametrize("digits", [0, 1])
+@pytest.mark.parametrize("delimiter", [";", "\t"])
+def test_a_point_between_thousands_is_no_decimal_one(tmp_path, delimiter, digits):
+    """An rpm of 1.170 was 1.17 in a file of decimal commas, and nothing said so."""
+    table = wide_table()
+    rpm = np.linspace(0.0, 1500.0, len(table)).round(digits)
+    texts = table.map(lambda value: f"{value:.4f}".replace(".", ","))
+    texts["rpm"] = [german(value, digits) for value in rpm]
+    trial = read(tmp_path / "run.csv", texts, sep=delimiter)
+    np.testing.assert_allclose(trial.sensors["rpm"].values["rpm"], rpm)
+    same(trial)
+
+
+def test_a_decimal_point_beside_decimal_commas_stays_one(tmp_path):
+    """Of a column of its own, as of another program: with three decimals throughout, or others."""
+    table = wide_table()
+    for rpm in (np.linspace(1.125, 9.375, len(table)).round(3), np.full(len(table), 0.125)):
+        texts = table.map(lambda value: f"{value:.4f}".replace(".", ","))
+        texts["rpm"] = [f"{value:.3f}" for value in rpm]
+        trial = read(tmp_path / "run.csv", texts, sep=";")
+        np.testing.assert_allclose(trial.sensors["rpm"].values["rpm"], rpm)
+
+
 def test_decimal_commas_within_quotes_are_decimal_ones(tmp_path):
     table = wide_table()
     texts = table.map(lambda value: f"{value:.3f}".replace(".", ","))
@@ -140,3 +168,29 @@ def test_a_header_and_its_units_written_again_are_left_out(tmp_path):
     (trial,) = read_trials([tmp_path / "run.csv"])
     same(trial)
     assert trial.sensors["dvl"].dropped == {"repeated_header": 2}
+
+
+@pytest.mark.parametrize("again", [str.upper, lambda names: names.replace("u_mps", "u_mps [m/s]")])
+def test_a_header_written_again_in_other_letters_or_with_units_is_left_out(tmp_path, again):
+    names, *rows = wide_table().to_csv(index=False).splitlines()
+    lines = [names, *rows[:100], again(names), *rows[100:]]
+    (tmp_path / "run.csv").write_text("\n".join(lines))
+    (trial,) = read_trials([tmp_path / "run.csv"])
+    same(trial)
+    assert trial.sensors["dvl"].dropped == {"repeated_header": 1}
+
+
+def test_columns_that_change_places_are_told_with_what_to_do(tmp_path):
+    """To remove the row, as was advised, would have put v into u from there on."""
+    table = wide_table()
+    other = table[["time_s", "v_mps", "u_mps", *table.columns[3:]]][150:].to_csv(index=False)
+    (tmp_path / "run.csv").write_text(table[:150].to_csv(index=False) + other)
+    with pytest.raises(InputError, match="in another order") as caught:
+        read_trials([tmp_path / "run.csv"])
+    assert caught.value.where.endswith("run.csv, row 152")
+    assert "file of its own" in (caught.value.remedy or "")
+    more = table[150:].assign(battery_v=24.0).to_csv(index=False)
+    (tmp_path / "run.csv").write_text(table[:150].to_csv(index=False) + more)
+    with pytest.raises(InputError, match="fields of the header") as caught:
+        read_trials([tmp_path / "run.csv"])
+    assert "file of its own" in (caught.value.remedy or "")

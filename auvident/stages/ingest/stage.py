@@ -18,7 +18,7 @@ from auvident.schema.channels import (
     TIME_COLUMN,
 )
 from auvident.schema.holding import POLLED, SAMPLED, Hold, hold_rule, median_period
-from auvident.schema.logs import RawTrial, TrialQuality
+from auvident.schema.logs import RawSensor, RawTrial, TrialQuality
 from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
 from auvident.stages.ingest.clean import CleanSensor, Series, clean_trial
@@ -40,6 +40,7 @@ from auvident.stages.ingest.time_units import a_day_apart, unit_by_span
 MAX_RATE_HZ = 1000.0
 MAX_PERIOD_S: VehicleTime = 5.0  # slower velocities or yaw rates do not show a maneuver
 MIN_RATE_HZ = 1.0 / MAX_PERIOD_S  # nor does a slower grid
+MOST_ALIKE = 0.05  # share of different times: a clock of whole seconds has as few at 20 Hz only
 MAX_TICKS = 20_000_000  # some days at 100 Hz; more is a corrupt time stamp
 
 
@@ -161,8 +162,21 @@ def _refuse_too_slow(sensors: dict[str, CleanSensor], needed: tuple[str, ...]) -
                 f"one sample of {sensor.raw.columns[column]} every {period:g} s is too slow "
                 f"(limit {MAX_PERIOD_S:g} s)",
                 f"{sensor.raw.file}, column {sensor.raw.time_column}",
-                "If the time is in milliseconds, name it time_ms or set time_unit in a map.",
+                _digits_lost(sensor.raw)
+                or "If the time is in milliseconds, name it time_ms or set time_unit in a map.",
             )
+
+
+def _digits_lost(raw: RawSensor) -> str:
+    """What to do about stamps that a spreadsheet has cut to a few digits; "" where it did not."""
+    times = np.unique(raw.time_s).size
+    if times > MOST_ALIKE * raw.time_s.size:
+        return ""
+    return (
+        f"Export {raw.file} again, with all digits of its times: its {raw.time_s.size} rows have "
+        f"{times} different one{'s' * (times != 1)}, as where a spreadsheet kept 1.71815E+12 of "
+        "1718151234567."
+    )
 
 
 def _plan(
@@ -206,6 +220,7 @@ def _common_grid(
             f"the required sensors never overlap in time: {spans}",
             f"trial {raw.name}",
             " ".join(f"{f.message}. {f.remedy}" for f in clocks)
+            or next(filter(None, map(_digits_lost, raw.sensors.values())), "")
             or "Check that all of them run on the same clock; time_offset_s in a map (--map) "
             "shifts one.",
         )

@@ -10,6 +10,12 @@ WRONG_SHARE = 0.05  # of the samples that differ from zero; outliers are rarer, 
 NEAR_ZERO = 1e-3  # of the plausible limit: samples below it tell nothing about the unit
 OTHER = "another unit or another quantity"
 IN_DEGREES = ("_deg", "_degps")  # a column that is not in radians without a word
+IN_RADIANS = ("_rad", "_radps")
+BY_MAP: dict[str, str] = {  # of a column whose unit is the map's word
+    "rad": "degrees read as radians, or another quantity (counts, pulses, percent)",
+    "rad/s": "degrees per second read as radians per second, or another quantity",
+}
+EXAMPLE = {"rad": "deg", "rad/s": "degps", "m/s": "mps", "1/min": "rpm", "m": "m"}
 LIKELY: dict[str, str] = {
     "rad": "degrees in a _rad column",
     "rad/s": "degrees per second in a _radps column",
@@ -33,10 +39,23 @@ def refuse_wrong_unit(raw: RawSensor, channel: Channel, values: np.ndarray) -> N
     if not beyond.any() or beyond.sum() <= max(3, WRONG_SHARE * moving.sum()):
         return
     column = raw.columns[channel.column]
+    first = values[beyond][0]
+    in_degrees = f" ({np.degrees(first):.4g} degrees)" if channel.unit == "rad" else ""
     raise InputError(
         f"{100 * beyond.sum() / values.size:.0f} % of {column} is beyond "
-        f"{channel.plausible:g} {channel.unit}, e.g. {values[beyond][0]:.4g} {channel.unit}; "
-        f"looks like {OTHER if column.endswith(IN_DEGREES) else LIKELY[channel.unit]}",
+        f"{channel.plausible:g} {channel.unit}, e.g. {first:.4g} {channel.unit}{in_degrees}; "
+        f"looks like {_likely(column, channel)}",
         f"{raw.file}, row {raw.rows[0]} on, column {column}",
-        "Give the column the suffix of its unit, or state the unit in a map (--map).",
+        "Give the column the suffix of its unit, or state the unit in a map (--map), with the "
+        "scale and offset that make that unit of it where it counts something else: "
+        f'[{channel.sensor}] {channel.quantity} = {{ column = "{column}", '
+        f'unit = "{EXAMPLE.get(channel.unit, "...")}", scale = ..., offset = ... }}',
     )
+
+
+def _likely(column: str, channel: Channel) -> str:
+    """What a column with impossible values looks like."""
+    if column.endswith(IN_DEGREES):
+        return OTHER
+    by_name = not column.endswith(IN_RADIANS) and BY_MAP.get(channel.unit)
+    return by_name or LIKELY[channel.unit]
