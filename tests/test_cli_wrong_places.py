@@ -25,6 +25,12 @@ from tests.command_line import Called
         (("export", "nothing"), 4, "Run `auvident ingest LOG... --vehicle V.toml --run nothing`"),
         (("plan-trial", "runs/demo/identify/model.json"), 2, "Give the run directory, runs/demo."),
         (("compare", "runs/demo", "runs/demo/run.json"), 4, "Give a model.json that auvident has"),
+        (
+            ("compare", "runs/demo", "sample_logs/remus100.toml"),
+            3,
+            "is a vehicle file, not a run or a model",
+        ),
+        (("compare", "runs/demo", "sample_logs/README.md"), 3, "README.md: is no model Give a run"),
         (("export", "runs/demo/ingest/quality.json"), 4, "its schema is 'auvident/quality/1'"),
         (("pool", "runs/demo/run.json"), 4, "Give a model.json that auvident has written."),
     ],

@@ -33,11 +33,11 @@ from auvident.schema.outcome import (
     Severity,
     severity,
 )
+from auvident.schema.prior_errors import pooled_by_prior
 from auvident.storage.artifacts import read_json
 from auvident.storage.run_directory import RunDirectory
 
 if TYPE_CHECKING:
-    from auvident.schema.artifacts import ChannelMetrics, Metrics
     from auvident.schema.diagnosis import EffectFound
     from auvident.schema.logs import CheckMade
 
@@ -276,7 +276,7 @@ def _plane(view: Given, done: frozenset[str]) -> PlaneOutcome:
     verdict = comparison or diagnosis
     after = comparison.held_out.after if comparison and comparison.added else {}
     covered = (comparison.coverage if comparison else {}) or metrics.coverage
-    geometry = _geometry(metrics)
+    geometry = pooled_by_prior(metrics)
     errors = []
     for channel, own in metrics.summary.get("validate", {}).items():
         last = after.get(channel)
@@ -298,16 +298,6 @@ def _plane(view: Given, done: frozenset[str]) -> PlaneOutcome:
         errors,
         [_effect(e) for e in verdict.effects] if verdict else [],
     )
-
-
-def _geometry(metrics: "Metrics") -> "Mapping[str, ChannelMetrics]":
-    """Errors of the estimate from geometry, where they are of the same maneuvers."""
-    if metrics.ase is None:
-        return {}
-    own, before = (
-        {m.id for m in x.maneuvers if m.role == "validate"} for x in (metrics, metrics.ase)
-    )
-    return metrics.ase.summary.get("validate", {}) if own == before else {}
 
 
 def _effect(effect: "EffectFound") -> str:

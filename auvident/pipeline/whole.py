@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 from auvident.errors import InputError, UsageError
 from auvident.pipeline.observer import Observer
 from auvident.pipeline.predict import (
+    NO_RUN,
     SIGNS_ASSUMED,
     VEHICLE,
     SimulatedTrial,
@@ -95,7 +96,7 @@ def models_of(target: Path) -> "list[tuple[Path, IdentifiedModel]]":
 
     if target.suffix == ".toml":
         raise InputError(
-            "is a vehicle file, not a run or a model",
+            NO_RUN,
             str(target),
             "Give run directories or files of models; a vehicle file goes with --vehicle. "
             "`auvident simulate` flies one as it is.",

@@ -25,6 +25,7 @@ from auvident.schema.combined import (
     CombinedSource,
     CovarianceBlock,
 )
+from auvident.schema.places import BESIDE, beside
 from auvident.schema.planes import BY_FIN, PLANES
 from auvident.schema.vehicle import Vehicle
 from auvident.stages.combine.band import band_of_planes
@@ -39,6 +40,9 @@ TORQUE = ("K_nn", "K_nu")  # no curve of K_Q in the vehicle file: zero, and said
 SAME_MASS = 0.05  # share within which two runs are of one vehicle, ballasted anew
 
 Roll = Mapping[str, Sequence[float]]
+
+# of a run of both planes that was refined
+OF_ONE_PLANE = {PLANES[0]: "refine/model.json", BESIDE: beside("refine/model.json")}
 
 
 def combine(
@@ -110,7 +114,8 @@ def _check(models: Sequence[IdentifiedModel], vehicle: Vehicle) -> None:
             other = next(p for p in PLANES if p != plane)
             raise UsageError(
                 f"there are two models of the {plane} plane",
-                remedy=f"Give one of the {plane} plane and one of the {other} plane.",
+                remedy=f"Give one of the {plane} plane and one of the {other} plane; of a run of "
+                f"both planes, RUN/{OF_ONE_PLANE[other]} is the {other} one alone.",
             )
     for model in models:
         mass, own = model.rigid_body.mass_kg, vehicle.body.mass_kg
