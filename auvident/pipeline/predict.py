@@ -13,6 +13,7 @@ from auvident.pipeline.planes import planes_of
 from auvident.pipeline.remedies import WRITTEN, again, made_again, run_around, typed
 from auvident.pipeline.steps import announce_compilation
 from auvident.pipeline.table import BY_NAME
+from auvident.schema.complete import lacking
 from auvident.schema.places import beside
 from auvident.schema.quoting import clipped
 from auvident.storage.artifacts import DAMAGED, as_model, read_json, read_model
@@ -95,6 +96,8 @@ def find_model(target: Path, plane: str | None = None) -> "tuple[Path, Identifie
     if path == target and isinstance(schema, str) and not schema.startswith(MODELS):
         raise StageError(f"is no model: its schema is {clipped(schema)!r}", str(path), WRITTEN)
     model = as_model(tree, IdentifiedModel, path, remedy)
+    if missing := lacking(model):
+        raise StageError(missing, str(path), remedy)
     if plane not in (None, model.plane):
         raise InputError(f"is a model of the {model.plane} plane", str(path), "Leave out --plane.")
     return path, model

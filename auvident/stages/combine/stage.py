@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from auvident.constants import GRAVITY_MPS2
+from auvident.engines.carried import structure_behind
 from auvident.errors import InputError, UsageError
 from auvident.physics.ase.roll import roll_estimate
 from auvident.physics.six_dof_terms import (
@@ -118,6 +119,7 @@ def _check(models: Sequence[IdentifiedModel], vehicle: Vehicle) -> None:
                 f"both planes, RUN/{OF_ONE_PLANE[other]} is the {other} one alone.",
             )
     for model in models:
+        structure_behind(model)  # refuses effects that this version does not know
         mass, own = model.rigid_body.mass_kg, vehicle.body.mass_kg
         same = np.isclose(model.length_m, vehicle.hull.length_m) and model.vehicle == (
             vehicle.body.name
