@@ -91,3 +91,25 @@ def test_a_model_without_covariance_is_not_pooled(
     Path("model.json").write_text(json.dumps(tree | {"covariance": {}}))
     called = auvident("pool", "model.json")
     assert called.code == 4 and "the model has no covariance" in " ".join(called.err.split())
+
+
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [
+        (lambda m: m["constants"].pop(), "whole.json: lacks z_GW"),
+        (lambda m: m.update(parameters={}), "rudder_rate_limit.rate_degps"),
+        (lambda m: m.update(length_m=0.0), "length_m is 0"),
+        (lambda m: m["effects"]["horizontal"][0].update(id="warp"), "effects warp are unknown"),
+    ],
+)
+def test_a_combined_model_that_lacks_something_is_not_flown(
+    spoil: Callable[[dict], None], said: str, demo: Path, auvident: Callable[..., Called]
+) -> None:
+    tree = json.loads(auvident("combine", demo, "--json").out)
+    spoil(tree)
+    Path("whole.json").write_text(json.dumps(tree))
+    flown = ("simulate", "whole.json", "--maneuver", "zigzag:10/10", "--samples", "0")
+    for words in (flown, ("export", "whole.json", "--format", "pvs")):
+        called = auvident(*words)
+        told = " ".join(called.err.split())
+        assert called.code == 4 and said in told and "auvident combine" in told
