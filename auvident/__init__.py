@@ -57,6 +57,7 @@ if TYPE_CHECKING:
         load_run,
         load_vehicle,
         load_whole_model,
+        pool,
         run,
     )
     from auvident.api.geometry import GeometryEstimate
@@ -89,6 +90,7 @@ _OFFERED = {
         "load_whole_model",
         "load_vehicle",
         "combine",
+        "pool",
         "estimate_from_geometry",
     ),
     "auvident.api.results": ("Run", "PlaneModels"),
@@ -138,6 +140,7 @@ __all__ = [
     "load_run",
     "load_vehicle",
     "load_whole_model",
+    "pool",
     "run",
 ]
 

@@ -32,7 +32,8 @@ from auvident.pipeline.observer import Observer
 from auvident.pipeline.pooling import date_of, logs_behind, pool_runs, refuse_change
 from auvident.pipeline.predict import find_model
 from auvident.report.campaign_page import render_campaign
-from auvident.report.tables_campaign import repeats
+from auvident.report.tables import Number
+from auvident.report.tables_campaign import campaign_trials, repeats
 from auvident.schema.artifacts import IdentifiedModel
 from auvident.schema.campaign import (
     Campaign,
@@ -216,6 +217,31 @@ def test_a_report_is_linked_whatever_its_trial_is_called() -> None:
     assert links == [f"boat/{n}/report/report.html" for n in names]
     assert "#2" not in re.sub(r">[^<]*<", "", page)
     assert unescape(page).count(long) == 1  # the whole of it
+
+
+def test_trials_of_either_plane_have_their_errors_the_same_on_page_and_terminal() -> None:
+    """The first three or four channels of all trials together were those of the turns alone; the
+    page had the NRMSE of a heading that turns round and round, which says nothing."""
+    nrmse = {
+        "turns": {"u": 0.11, "v": 0.12, "r": 0.13, "heading": 0.0014, "track": 0.9},
+        "dives": {"u": 0.21, "w": 0.22, "q": 0.23, "pitch": 0.24, "track": 0.9},
+    }
+    trials = tuple(
+        CampaignTrial(
+            vehicle="boat", trial=name, log="", run="", state="done", verdict="none_found",
+            nrmse=own, rmse=dict.fromkeys(own, 0.1),
+        )
+        for name, own in nrmse.items()
+    )  # fmt: skip
+    vehicle = CampaignVehicleResult(name="boat", plane="horizontal", trials=2)
+    result = CampaignResult(program_version="0", trials=trials, vehicles=(vehicle,))
+    page, table = render_campaign(result, {}), campaign_trials(result)
+    heads = [c.head for c in table.columns if "NRMSE" in c.head]
+    assert heads == [f"NRMSE {c}" for c in ("u", "v", "r", "w", "q", "pitch")]
+    assert all(f">{head}<" in page for head in heads) and "NRMSE heading" not in page
+    assert all(f">{value}<" in page for value in ("0.11", "0.22", "0.23", "0.24"))
+    dives = [str(cell.value) for cell in table.rows[1] if isinstance(cell, Number)]
+    assert dives[:6] == ["0.21", "None", "None", "0.22", "0.23", "0.24"]
 
 
 def test_days_of_dives_beside_days_of_turns_keep_nobody_from_being_pooled(
@@ -435,6 +461,7 @@ def test_a_campaign_file_names_vehicles_trials_and_options(tmp_path: Path) -> No
         (VEHICLE.replace('"boat.toml"', '"/etc/boat.toml"'), "outside the folder"),
         (VEHICLE + "colour = 1\n", "unknown key"),
         (VEHICLE.replace('"boat"', '"../boat"'), "name"),
+        (VEHICLE.replace('"boat"', '"Campaign.html"'), "the vehicle is named Campaign.html, as a"),
         (VEHICLE.replace("boat.toml", "baot.toml"), "baot.toml: no such file"),
         (VEHICLE + 'map = "map.toml"\n', "map.toml: no such file"),
         (VEHICLE + '[vehicle.run]\nplan = "nonesuch"\n', "there is no such plan"),
@@ -494,6 +521,14 @@ def test_what_a_campaign_cannot_be_made_of_is_told(demo: Path) -> None:
     Path("out").write_text("")
     called = call("campaign", "sample_logs/kvlcc2", "--vehicle", vehicle, "--output", "out")
     assert called.code == 2 and "out: is a file, not a folder" in called.err
+
+
+def test_a_trial_is_not_named_as_the_pooled_model_beside_its_run(tmp_path: Path) -> None:
+    file = written(tmp_path, VEHICLE)
+    (tmp_path / "logs" / "pooled.json").mkdir()
+    with pytest.raises(InputError, match=r"the trial is named pooled\.json, as a file") as caught:
+        read_campaign(file)
+    assert caught.value.remedy == "Rename it."
 
 
 def test_a_folder_needs_a_vehicle(tmp_path: Path) -> None:

@@ -178,8 +178,10 @@ def test_two_runs_of_one_plane_are_wrong_usage(
 ) -> None:
     called = auvident("combine", runs["horizontal"], runs["horizontal"])
     assert called.code == 2
-    assert "two models of the horizontal plane" in called.err
-    assert "one of the vertical plane" in called.err
+    told = " ".join(called.err.split())
+    assert "two models of the horizontal plane" in told
+    assert "one of the vertical plane" in told
+    assert "RUN/refine/vertical/model.json is the vertical one alone" in told
 
 
 def test_runs_of_different_vehicles_are_refused(

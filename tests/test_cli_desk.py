@@ -297,6 +297,11 @@ def vertical(model: Path) -> str:
             "--from can only be used with --inputs",
         ),
         (
+            (VEHICLE, "--maneuver", "zigzag", "--rate", "50"),
+            2,
+            "--rate can only be used with --inputs",
+        ),
+        (
             ("runs/demo", "--inputs", "log", "--rpm", "900"),
             2,
             "--rpm can only be used with --maneuver",

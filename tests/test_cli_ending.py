@@ -104,6 +104,27 @@ def test_a_command_tells_the_stages_that_lead_to_it(demo: Path, auvident: Auvide
         assert "report" not in stages
 
 
+def test_a_refinement_tells_its_verdict_and_errors(demo: Path, auvident: Auvident) -> None:
+    """It does not rest on validate, and told neither."""
+    run, refine = (
+        (*words, "--quiet", "--summary", "told.md")
+        for words in (("run", "--run", demo), ("refine", demo))
+    )
+    assert auvident(*run).code == 0
+    whole = re.findall(
+        r"^\| .*$|^Held out: .*$|^The model lacks .*$", Path("told.md").read_text(), re.M
+    )
+    assert auvident(*refine, "--junit", "told.xml").code == 0
+    own = Path("told.md").read_text()
+    assert len(whole) >= 7 and all(line in own for line in whole)
+    shutil.rmtree(demo / "validate")
+    assert auvident(*refine).code == 0
+    (row,) = re.findall(r"^\| r \|.*$", Path("told.md").read_text(), re.M)
+    (before,) = (line for line in whole if line.startswith("| r |"))
+    assert row.split("|")[4] == before.split("|")[4]  # that of geometry is not known any more
+    assert row.split("|")[3].strip() == "" and "Held out: " in Path("told.md").read_text()
+
+
 def test_a_summary_is_replaced_but_a_step_summary_grows(
     demo: Path, auvident: Auvident, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -1,5 +1,6 @@
 """Commands that are given another folder or file than the one they take: what they advise."""
 
+import json
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -25,6 +26,12 @@ from tests.command_line import Called
         (("export", "nothing"), 4, "Run `auvident ingest LOG... --vehicle V.toml --run nothing`"),
         (("plan-trial", "runs/demo/identify/model.json"), 2, "Give the run directory, runs/demo."),
         (("compare", "runs/demo", "runs/demo/run.json"), 4, "Give a model.json that auvident has"),
+        (
+            ("compare", "runs/demo", "sample_logs/remus100.toml"),
+            3,
+            "is a vehicle file, not a run or a model",
+        ),
+        (("compare", "runs/demo", "sample_logs/README.md"), 3, "README.md: is no model Give a run"),
         (("export", "runs/demo/ingest/quality.json"), 4, "its schema is 'auvident/quality/1'"),
         (("pool", "runs/demo/run.json"), 4, "Give a model.json that auvident has written."),
     ],
@@ -47,3 +54,62 @@ def test_a_command_to_type_has_its_paths_in_quotes(
     shutil.copytree("sample_logs/harbour_trial", log)
     called = auvident("export", log)
     assert "`auvident run 'the log' --vehicle V.toml --run RUN`" in " ".join(called.err.split())
+
+
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [
+        (lambda m: m["coefficients"].pop(), "model.json: lacks N_uud"),
+        (lambda m: m.update(length_m=0.0), "model.json: length_m is 0"),
+        (
+            lambda m: m.update(effects=[{"id": "rudder_lag", "parameters": []}]),
+            "the effect rudder_lag has no internal value of rudder_lag.lag_s",
+        ),
+        (
+            lambda m: m.update(effects=[{"id": "warp_drive", "internal": {}}]),
+            "the effects warp_drive are unknown to this version",
+        ),
+    ],
+)
+def test_a_model_file_that_lacks_something_is_not_flown(
+    spoil: Callable[[dict], None], said: str, demo: Path, auvident: Callable[..., Called]
+) -> None:
+    """Without the moment of its rudder it flew straight on; others ended as by a bug."""
+    tree = json.loads((demo / "identify" / "model.json").read_text())
+    spoil(tree)
+    Path("model.json").write_text(json.dumps(tree))
+    for words in (("simulate", "--maneuver", "zigzag:10/10", "--samples", "0"), ("combine",)):
+        vehicle = ("--vehicle", "sample_logs/remus100.toml") if words[0] == "combine" else ()
+        called = auvident(words[0], "model.json", *words[1:], *vehicle)
+        assert called.code == 4 and said in " ".join(called.err.split())
+
+
+def test_a_model_without_covariance_is_not_pooled(
+    demo: Path, auvident: Callable[..., Called]
+) -> None:
+    tree = json.loads((demo / "identify" / "model.json").read_text())
+    Path("model.json").write_text(json.dumps(tree | {"covariance": {}}))
+    called = auvident("pool", "model.json")
+    assert called.code == 4 and "the model has no covariance" in " ".join(called.err.split())
+
+
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [
+        (lambda m: m["constants"].pop(), "whole.json: lacks z_GW"),
+        (lambda m: m.update(parameters={}), "rudder_rate_limit.rate_degps"),
+        (lambda m: m.update(length_m=0.0), "length_m is 0"),
+        (lambda m: m["effects"]["horizontal"][0].update(id="warp"), "effects warp are unknown"),
+    ],
+)
+def test_a_combined_model_that_lacks_something_is_not_flown(
+    spoil: Callable[[dict], None], said: str, demo: Path, auvident: Callable[..., Called]
+) -> None:
+    tree = json.loads(auvident("combine", demo, "--json").out)
+    spoil(tree)
+    Path("whole.json").write_text(json.dumps(tree))
+    flown = ("simulate", "whole.json", "--maneuver", "zigzag:10/10", "--samples", "0")
+    for words in (flown, ("export", "whole.json", "--format", "pvs")):
+        called = auvident(*words)
+        told = " ".join(called.err.split())
+        assert called.code == 4 and said in told and "auvident combine" in told

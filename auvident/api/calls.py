@@ -206,6 +206,41 @@ def combine(runs: "PathLike | Sequence[PathLike]", vehicle: PathLike | None = No
     return WholeModel(artifact)
 
 
+def pool(
+    runs: "PathLike | Sequence[PathLike]", plane: Plane | None = None, *, keep: bool = False
+) -> Model:
+    """One model of all trials of a vehicle, as ``auvident pool`` makes it.
+
+    Parameters
+    ----------
+    runs : path or sequence of paths
+        Run directories, or files of models; no log is read again.
+    plane : str, optional
+        Of runs of both planes; by default the first.
+    keep : bool
+        Also pool a trial that fits no other.
+
+    Returns
+    -------
+    Model
+        A model as any other; `Model.artifact` has ``pooling``: the trials with their distance from
+        the others, and what each coefficient scatters by between them.
+
+    Raises
+    ------
+    InputError, StageError
+        Runs of different vehicles or planes; a run without a model.
+    UsageError
+        No run.
+    """
+    from auvident.pipeline.pooling import pool_runs
+
+    targets = _paths(runs)
+    if not targets:
+        raise UsageError("there is nothing to pool", "runs", "Name run directories or models.")
+    return Model(pool_runs(targets, plane=plane, keep=keep).model)
+
+
 def load_vehicle(
     vehicle: "PathLike | Mapping[str, Any] | Vehicle", *, allow_outside: bool = False
 ) -> "Vehicle":

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from auvident.cli.common import PATH, SEED, Output, command
+from auvident.cli.common import MOST_SEED, PATH, Natural, Output, command
 from auvident.cli.precious import refuse_precious
 from auvident.cli.results import tell_outdated
 from auvident.schema.planes import PLANES
@@ -24,6 +24,13 @@ FAIL_ON_CHANGE = click.option(
     "--fail-on-change",
     is_flag=True,
     help="Exit with code 1 if the vehicle changed, or its last trial fits no other.",
+)
+# no run directory is there that would remember it
+SEED = click.option(
+    "--seed",
+    type=Natural(MOST_SEED),
+    default=0,
+    help="Seed of the random numbers.  [default: 0]",
 )
 KEEP = click.option(
     "--keep", is_flag=True, help="Also pool trials that fit no other; they are only named."
@@ -61,7 +68,7 @@ def pool(
     keep: bool,
     false_alarms: float | None,
     fail_on_change: bool,
-    seed: int | None,
+    seed: int,
 ) -> None:
     """Pool the trials of one vehicle to one model, and say what changed between them.
 
@@ -77,7 +84,7 @@ def pool(
 
     for written in (file, changes_file):
         refuse_precious(written, *runs, *left_out)
-    found = pool_runs(runs, plane=plane, keep=keep, false_alarms=false_alarms, seed=seed or 0)
+    found = pool_runs(runs, plane=plane, keep=keep, false_alarms=false_alarms, seed=seed)
     with output.watch() as watch:
         for piece in pooled_pieces(found.model, found.changes):
             watch.show(piece)
@@ -141,7 +148,7 @@ def campaign(
     dry_run: bool,
     false_alarms: float | None,
     fail_on_change: bool,
-    seed: int | None,
+    seed: int,
     allow_outside: bool,
 ) -> int:
     """Run many trials, pool them by vehicle, say what changed; one page and Parquet tables.
@@ -182,7 +189,7 @@ def _plan(
     vehicle: Path | None,
     jobs: int | None,
     false_alarms: float | None,
-    seed: int | None,
+    seed: int,
     allow_outside: bool,
 ) -> "CampaignPlan":
     """What is to be done, by the file or the folders."""
@@ -207,7 +214,7 @@ def _plan(
         jobs or (own.jobs if own else None),
         rate if false_alarms is None else false_alarms,
         allow_outside,
-        seed or 0,
+        seed,
     )
     refuse_among_logs(plan)
     return plan

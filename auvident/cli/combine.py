@@ -27,7 +27,10 @@ def combine(
     """Make one model of six degrees of freedom from runs of both planes.
 
     Give a run of each plane, or one run of both; a plane without a run is the estimate from
-    geometry, as is roll. What both planes identify is joined by their information.
+    geometry, as is roll. What both planes identify is joined by their information. The file of a
+    model stands for its plane alone: of a run of both planes RUN/refine/model.json for the
+    horizontal one, RUN/refine/vertical/model.json for the vertical one.
+
     `auvident simulate MODEL.json --inputs LOG` flies it.
     """
     from auvident.pipeline.whole import combine_runs, write_combined

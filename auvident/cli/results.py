@@ -150,7 +150,6 @@ def _other_libraries(rows: list[dict[str, Any]]) -> list[str]:
     "--rate",
     "rate_hz",
     type=float,
-    default=10.0,
     metavar="HZ",
     help="Sampling rate of the log.  [default: 10]",
 )
@@ -182,7 +181,7 @@ def simulate(
     rudder_rate_degps: float | None,
     vehicle: Path | None,
     map_: Path | None,
-    rate_hz: float,
+    rate_hz: float | None,
     samples: int,
     file: Path | None,
     figure: Path | None,
@@ -214,6 +213,7 @@ def simulate(
             "--to": to_s,
             "--vehicle": vehicle,
             "--map": map_,
+            "--rate": rate_hz,
         }
         _refuse(logged | {"--plane": plane}, "--inputs")
         asked = {"speed_mps": speed_mps, "rpm": rpm, "rudder_rate_degps": rudder_rate_degps}
@@ -224,8 +224,8 @@ def simulate(
     _refuse({**steered, "--figure": figure}, "--maneuver")
     window = (-math.inf if from_s is None else from_s, math.inf if to_s is None else to_s)
     options = {"window_s": window, "speed_mps": speed_mps, "samples": samples}
-    data: dict[str, Any] = {"vehicle_file": vehicle, "column_map": map_, "rate_hz": rate_hz}
-    data |= {"plane": plane, "seed": seed}
+    data: dict[str, Any] = {"vehicle_file": vehicle, "column_map": map_, "plane": plane}
+    data |= {"rate_hz": 10.0 if rate_hz is None else rate_hz, "seed": seed}
     return _predict(output, target, log, data, options, file)
 
 

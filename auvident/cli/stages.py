@@ -198,7 +198,8 @@ def validate(output: Output, run: Path, fail_above: tuple[str, ...]) -> None:
     """Predict the maneuvers from their initial state and inputs; compare with the log.
 
     The identification has not seen the held-out maneuvers. RMSE are in the unit of the channel:
-    m/s, rad/s, rad, m.
+    m/s, rad/s, rad, m. The intervals of standard maneuvers are of models drawn with seed 0,
+    whatever the seed of the run.
     """
     from auvident.pipeline.gates import predicted
     from auvident.schema.places import by_plane
@@ -357,6 +358,8 @@ def ase(
 
     For a run directory, the vehicle is that of ingest, and the result becomes the prior of the
     identification. For vehicle files nothing is stored; several are compared side by side.
+    Intervals of turning and stability are of vehicles drawn with seed 0, the same ones every time,
+    also in a sweep.
     """
     from auvident.cli.designs import compare_designs, show_sweep
 

@@ -10,12 +10,14 @@ import numpy.typing as npt
 from auvident.constants import USUAL_SPEED_MPS
 from auvident.engines.prediction import Frame, Free, at_effects, readings, simulated
 from auvident.engines.records import Record
+from auvident.errors import StageError
 from auvident.physics.sensing import current, water_abreast, water_in_vertical
 from auvident.physics.terms import Structure, parameter_vector, structure_of, symbol_in
 from auvident.schema.artifacts import IdentifiedModel
 from auvident.schema.coefficients import Plane
 from auvident.schema.effects import BY_ID, own_in, parameter_of
 from auvident.schema.planes import PLANES
+from auvident.schema.quoting import clipped
 
 Array = npt.NDArray[Any]
 
@@ -123,8 +125,22 @@ def internal_values(effects: Sequence[Mapping[str, Any]]) -> dict[str, float]:
 
 
 def structure_behind(model: IdentifiedModel) -> Structure:
-    """The equations of a model with the effects it carries."""
-    return structure_of(model.plane, tuple(str(e["id"]) for e in model.effects))
+    """The equations of a model with the effects it carries.
+
+    Raises
+    ------
+    StageError
+        An effect that this version does not know.
+    """
+    names = tuple(str(e["id"]) for e in model.effects)
+    unknown = [name for name in names if name not in BY_ID]
+    if unknown:
+        raise StageError(
+            f"the effects {clipped(', '.join(unknown))} are unknown to this version",
+            f"model of {model.vehicle}, {model.plane} plane",
+            "Use the version of auvident that identified the model, or a later one.",
+        )
+    return structure_of(model.plane, names)
 
 
 def vector_behind(model: IdentifiedModel, coefficients: Mapping[str, float] | None = None) -> Array:

@@ -23,6 +23,7 @@ from auvident.engines.problem import (
     empty_states,
     initial_covariance,
     no_effects,
+    singular_mass,
 )
 from auvident.engines.sigma_points import DIVERGED, NOT_POSITIVE, SINGULAR, sigma_work, stop
 from auvident.errors import NumericsError
@@ -37,7 +38,6 @@ Array = npt.NDArray[Any]
 REASONS = {
     NOT_POSITIVE: "the covariance is no longer positive definite",
     DIVERGED: "the state diverged",
-    SINGULAR: "the mass matrix is not positive definite",
 }
 COARSE_S = 0.2  # of a longer step the grid itself may be what ends a filter
 SIGMA_POINT_SCALING = 1.0  # sigma points at one standard deviation: within the range of the prior
@@ -58,7 +58,7 @@ def run(problem: FilterProblem, kind: str, scaling: float = SIGMA_POINT_SCALING)
     ------
     NumericsError
         The covariance lost positive definiteness, a state diverged or the mass matrix became
-        singular; names maneuver, time and channel.
+        singular; names maneuver, time and channel, of the mass matrix its coefficients.
     """
     n_theta = len(problem.free)
     x = np.concatenate([np.zeros(n_theta), problem.start[:, problem.active_index].ravel()])
@@ -160,6 +160,8 @@ def _output_of(problem: FilterProblem) -> PassOutput:
 def raise_fault(problem: FilterProblem, fault: np.ndarray) -> None:
     """Turn the fault of a pass into an error with its coordinates."""
     step_number, record, state, reason = (int(i) for i in fault)
+    if reason == SINGULAR:
+        raise singular_mass(problem)
     time = step_number * problem.records.dt_s
     where = f"maneuver {problem.records.ids[record]}, {time:.1f} s after its start"
     if reason == DIVERGED:

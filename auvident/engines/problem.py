@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from auvident.errors import NumericsError
 from auvident.physics.dynamics import N_STATES
 from auvident.physics.term_tables import N_INPUTS
 from auvident.physics.terms import Structure
@@ -198,3 +199,14 @@ def empty_states(problem: FilterProblem) -> Array:
     """NaN-filled array for the states of every record."""
     k, n, _ = problem.records.inputs.shape
     return np.full((k, n, N_STATES), np.nan)
+
+
+def singular_mass(problem: FilterProblem, filter_: str = "the filter") -> NumericsError:
+    """The error of a mass matrix that is not positive definite: of no maneuver, but of masses."""
+    added = ", ".join(n for n in problem.structure.parameters if n.endswith("dot"))
+    return NumericsError(
+        f"{filter_} stopped: the mass matrix is not positive definite",
+        f"{problem.structure.plane} plane, added masses {added}",
+        "Check mass, inertia and x_g_m of the vehicle file, and value and std of the added masses "
+        "that its [coefficients] give.",
+    )

@@ -23,6 +23,7 @@ from auvident.engines.problem import (
     empty_states,
     initial_covariance,
     no_effects,
+    singular_mass,
 )
 from auvident.errors import NumericsError
 from auvident.physics.batch import inverse_mass
@@ -92,7 +93,7 @@ class _Model:
         p = self.problem.parameters_at(chi[: self.n_theta])
         _, _, mass, weights = self.equations
         if not inverse_mass(p, mass, weights, self.problem.active, self.inverse) > 0.0:
-            raise np.linalg.LinAlgError("the mass matrix is not positive definite")
+            raise singular_mass(self.problem, "filterpy's filter")
         return p
 
     def advance(self, chi: Array, t: int) -> Array:

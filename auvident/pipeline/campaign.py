@@ -25,15 +25,13 @@ from auvident.schema.campaign import (
 )
 from auvident.schema.planes import PLANES, Plane
 from auvident.storage.artifacts import json_bytes, parquet_bytes, read_json, write_bytes
-from auvident.storage.campaign_file import RESULT, PlannedTrial
+from auvident.storage.campaign_file import CHANGES, POOLED, RESULT, PlannedTrial
 from auvident.storage.run_directory import RunDirectory
 
 if TYPE_CHECKING:
     import pandas as pd
 
-PAGE = "campaign.html"
 METRICS, COMPARISON = "validate/metrics.json", "refine/comparison.json"
-POOLED, CHANGES = "pooled.json", "changes.json"
 MOSTLY = 0.5  # share of the data from which on a coefficient is said to come from them
 NEW = 2  # trials since a change, up to which it should be confirmed
 OPTION_NAMES = {key: FLAGS[key] for key in RunOptions.model_fields}

@@ -2,8 +2,9 @@
 
 from pathlib import Path
 
-from auvident.pipeline.campaign import PAGE, CampaignRun
+from auvident.pipeline.campaign import CampaignRun
 from auvident.storage.artifacts import write_bytes
+from auvident.storage.campaign_file import PAGE
 
 
 def write_page(output: Path, done: CampaignRun) -> Path:

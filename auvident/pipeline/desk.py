@@ -10,10 +10,10 @@ from auvident.errors import InputError, StageError
 from auvident.pipeline.freshness import is_of_this_run
 from auvident.pipeline.observer import Observer
 from auvident.pipeline.predict import drawn_by, find_model, refuse_nonsense
-from auvident.pipeline.remedies import COMBINE, made_again, run_around, typed
+from auvident.pipeline.remedies import made_again, run_around, typed
 from auvident.pipeline.steps import COMPILING, COMPILING_EACH_TIME
 from auvident.pipeline.table import BY_NAME
-from auvident.pipeline.whole import is_whole
+from auvident.pipeline.whole import is_whole, read_whole
 from auvident.schema.combined import CombinedModel
 from auvident.schema.desk import DeskOrder, desk_order
 from auvident.storage.artifacts import read_model
@@ -76,7 +76,7 @@ def fly_on_desk(target: Path, maneuver: str, asked: Asked, observer: Observer) -
             "no such file", str(target), "Give a run directory, a model.json or a vehicle file."
         )
     if target.suffix != ".toml" and is_whole(target):
-        whole = read_model(target, CombinedModel, made_again(target, COMBINE))
+        whole = read_whole(target)
         return fly_whole(whole, str(target), order, asked, observer)
     if target.suffix == ".toml":
         models, usual = _of_vehicle(target, order, asked, observer)

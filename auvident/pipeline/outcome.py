@@ -33,15 +33,17 @@ from auvident.schema.outcome import (
     Severity,
     severity,
 )
+from auvident.schema.prior_errors import pooled_by_prior
 from auvident.storage.artifacts import read_json
 from auvident.storage.run_directory import RunDirectory
 
 if TYPE_CHECKING:
     from auvident.schema.artifacts import ChannelMetrics, Metrics
-    from auvident.schema.diagnosis import EffectFound
+    from auvident.schema.diagnosis import ChannelError, Comparison, EffectFound
     from auvident.schema.logs import CheckMade
 
 LAST = STAGES[-1].name
+ERRORS = {"validate", "refine"}  # stages with errors of held-out maneuvers
 OF_CHECK: dict[str, CaseResult] = {
     "agrees": "passed",
     "contradicts": "failed",
@@ -87,9 +89,14 @@ def outcome_of(
         leads = (
             {s.name for s in STAGES if until == LAST} | {s.name for s in before(until)} | {until}
         )
-        decisions = [d for d in judge_all(run, manifest) if d.stage in leads]
+        decisions = [d for d in judge_all(run, manifest) if d.stage in leads or _tells(d, until)]
         return _with_run(told, Given(run, manifest), decisions, error)
     return bare
+
+
+def _tells(decision: Decision, until: str) -> bool:
+    """Whether a stage that a command does not rest on has errors that belong to its result."""
+    return (decision.stage, decision.state, until) == ("validate", "done", "refine")
 
 
 def compared(
@@ -147,7 +154,7 @@ def _with_run(
         told,
         vehicle=given.quality.vehicle if "ingest" in done else "",
         report=str(given.run / BY_NAME[LAST].main) if LAST in done else "",
-        planes=[_plane(view, done) for view in given.views()] if "validate" in done else [],
+        planes=[_plane(view, done) for view in given.views()] if done & ERRORS else [],
         findings=findings,
         cases=cases,
     )
@@ -269,45 +276,41 @@ def _of_gates(gates: Sequence[GateResult]) -> Iterator[ResultCase]:
 
 
 def _plane(view: Given, done: frozenset[str]) -> PlaneOutcome:
-    """Verdict and errors of one plane."""
-    metrics, refined = view.metrics, _is_refined(view, done)
-    comparison = view.comparison if refined else None
-    diagnosis = view.diagnosis if "diagnose" in done and not refined else None
-    verdict = comparison or diagnosis
-    after = comparison.held_out.after if comparison and comparison.added else {}
-    covered = (comparison.coverage if comparison else {}) or metrics.coverage
-    geometry = _geometry(metrics)
-    errors = []
-    for channel, own in metrics.summary.get("validate", {}).items():
-        last = after.get(channel)
-        errors.append(
-            HeldOutError(
-                channel,
-                own.unit,
-                geometry[channel].rmse if channel in geometry else None,
-                own.rmse,
-                last.rmse if last else None,
-                last.nrmse if last else own.nrmse,
-                covered[channel].covered if channel in covered else None,
-            )
-        )
+    """Verdict and errors of one plane, by what there is of validation and refinement."""
+    metrics = view.metrics if "validate" in done else None
+    refined = view.comparison if _is_refined(view, done) else None
+    verdict = refined or (view.diagnosis if "diagnose" in done else None)
+    maneuvers: Sequence[str] = refined.held_out.maneuvers if refined else ()
+    if metrics:
+        maneuvers = [m.id for m in metrics.maneuvers if m.role == "validate"]
     return PlaneOutcome(
         str(view.plane),
         verdict.statement if verdict else "",
-        [m.id for m in metrics.maneuvers if m.role == "validate"],
-        errors,
+        maneuvers,
+        list(_errors(metrics, refined)),
         [_effect(e) for e in verdict.effects] if verdict else [],
     )
 
 
-def _geometry(metrics: "Metrics") -> "Mapping[str, ChannelMetrics]":
-    """Errors of the estimate from geometry, where they are of the same maneuvers."""
-    if metrics.ase is None:
-        return {}
-    own, before = (
-        {m.id for m in x.maneuvers if m.role == "validate"} for x in (metrics, metrics.ase)
-    )
-    return metrics.ase.summary.get("validate", {}) if own == before else {}
+def _errors(metrics: "Metrics | None", refined: "Comparison | None") -> Iterator[HeldOutError]:
+    """Errors of the held-out maneuvers: from geometry, identified, refined."""
+    after = refined.held_out.after if refined and refined.added else {}
+    covered = (refined.coverage if refined else {}) or (metrics.coverage if metrics else {})
+    geometry = pooled_by_prior(metrics) if metrics else {}
+    before: Mapping[str, ChannelMetrics | ChannelError] = refined.held_out.before if refined else {}
+    if metrics:
+        before = metrics.summary.get("validate", {})
+    for channel, own in before.items():
+        last = after.get(channel)
+        yield HeldOutError(
+            channel,
+            own.unit,
+            geometry[channel].rmse if channel in geometry else None,
+            own.rmse,
+            last.rmse if last else None,
+            last.nrmse if last else own.nrmse,
+            covered[channel].covered if channel in covered else None,
+        )
 
 
 def _effect(effect: "EffectFound") -> str:

@@ -7,7 +7,7 @@ from itertools import takewhile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from auvident.errors import GateError, InputError
+from auvident.errors import GateError, InputError, StageError
 from auvident.pipeline.predict import VEHICLE, find_model
 from auvident.pipeline.remedies import made_again, run_around
 from auvident.schema.pooled import POOLED
@@ -111,6 +111,9 @@ def _trial(target: Path, plane: str | None, name: str) -> "PoolTrial":
     from auvident.stages.pool import PoolTrial
 
     path, model = find_model(target, plane)
+    if "symbols" not in model.covariance:
+        problem = "the model has no covariance, without which it cannot be pooled"
+        raise StageError(problem, str(path), made_again(path))
     logs = logs_behind(path, model)
     return PoolTrial(name, _with_small_effects(path, model), date_of(target), str(path), logs)
 

@@ -13,9 +13,10 @@ from auvident.pipeline.planes import planes_of
 from auvident.pipeline.remedies import WRITTEN, again, made_again, run_around, typed
 from auvident.pipeline.steps import announce_compilation
 from auvident.pipeline.table import BY_NAME
+from auvident.schema.complete import lacking
 from auvident.schema.places import beside
 from auvident.schema.quoting import clipped
-from auvident.storage.artifacts import as_model, read_json, read_model
+from auvident.storage.artifacts import DAMAGED, as_model, read_json, read_model
 from auvident.storage.run_directory import RunDirectory
 
 if TYPE_CHECKING:
@@ -32,6 +33,8 @@ MODELS = "auvident/model/"  # schemas of the models of a plane, pooled ones amon
 IDENTIFIED = "identify/model.json"
 WHOLE = "combine/model.json"  # of a run of both planes
 VEHICLE = "ingest/vehicle.json"
+NO_RUN = "is a vehicle file, not a run or a model"
+NO_MODEL = "Give a run directory, or a model.json that auvident has written."
 USUAL_FINENESS = 8.0  # length over diameter of a survey AUV
 SIGNS_ASSUMED = (
     "The model is not in a run directory, so a positive rudder is assumed to turn to port "
@@ -68,7 +71,8 @@ def find_model(target: Path, plane: str | None = None) -> "tuple[Path, Identifie
     Raises
     ------
     InputError
-        There is no such file, its model is of another plane, or a combined one.
+        There is no such file, or it is of another kind; its model is of another plane, or a
+        combined one.
     StageError
         The run directory has no model, or the file is none.
     """
@@ -81,7 +85,7 @@ def find_model(target: Path, plane: str | None = None) -> "tuple[Path, Identifie
     elif not target.exists():
         raise InputError("no such file", str(target), "Give a run directory or a model.json.")
     remedy = made_again(path)
-    tree = read_json(path, remedy)
+    tree = _tree_of(path, remedy)
     if isinstance(tree, dict) and tree.get("schema") == COMBINED:
         raise InputError(
             "is a combined model already, and not the model of a plane",
@@ -92,9 +96,22 @@ def find_model(target: Path, plane: str | None = None) -> "tuple[Path, Identifie
     if path == target and isinstance(schema, str) and not schema.startswith(MODELS):
         raise StageError(f"is no model: its schema is {clipped(schema)!r}", str(path), WRITTEN)
     model = as_model(tree, IdentifiedModel, path, remedy)
+    if missing := lacking(model):
+        raise StageError(missing, str(path), remedy)
     if plane not in (None, model.plane):
         raise InputError(f"is a model of the {model.plane} plane", str(path), "Leave out --plane.")
     return path, model
+
+
+def _tree_of(path: Path, remedy: str) -> Any:
+    """Content of a model file; what is named as no JSON file and is none was never a model."""
+    try:
+        return read_json(path, remedy)
+    except StageError as error:
+        if path.suffix == ".json" or not error.problem.startswith(DAMAGED):
+            raise
+        problem = NO_RUN if path.suffix == ".toml" else "is no model"
+        raise InputError(problem, str(path), NO_MODEL) from None
 
 
 def _model_of(run: RunDirectory, plane: str | None) -> Path:

@@ -4,9 +4,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from auvident.errors import InputError, UsageError
+from auvident.errors import InputError, StageError, UsageError
 from auvident.pipeline.observer import Observer
 from auvident.pipeline.predict import (
+    NO_RUN,
     SIGNS_ASSUMED,
     VEHICLE,
     SimulatedTrial,
@@ -19,6 +20,7 @@ from auvident.pipeline.predict import (
 )
 from auvident.pipeline.remedies import COMBINE, made_again
 from auvident.schema.combined import COMBINED, CombinedModel
+from auvident.schema.complete import lacking_of_whole
 from auvident.schema.planes import PLANES
 from auvident.storage.artifacts import Model, read_json, read_model
 from auvident.storage.run_directory import MANIFEST, RunDirectory
@@ -95,7 +97,7 @@ def models_of(target: Path) -> "list[tuple[Path, IdentifiedModel]]":
 
     if target.suffix == ".toml":
         raise InputError(
-            "is a vehicle file, not a run or a model",
+            NO_RUN,
             str(target),
             "Give run directories or files of models; a vehicle file goes with --vehicle. "
             "`auvident simulate` flies one as it is.",
@@ -163,7 +165,16 @@ def find_whole(target: Path) -> "tuple[CombinedModel, Vehicle | None]":
             str(target),
             "`auvident combine` makes one of run directories and of models of a plane.",
         )
-    return read_model(target, CombinedModel, made_again(target, COMBINE)), None
+    return read_whole(target), None
+
+
+def read_whole(file: Path) -> CombinedModel:
+    """A combined model from its file; `StageError` where it lacks what it is flown with."""
+    remedy = made_again(file, COMBINE)
+    model = read_model(file, CombinedModel, remedy)
+    if missing := lacking_of_whole(model):
+        raise StageError(missing, str(file), remedy)
+    return model
 
 
 def predict_whole(

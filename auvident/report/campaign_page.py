@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from markupsafe import Markup
 
 FOLDER = Path(__file__).resolve().parent
-FEW_NRMSE = 3  # channels of which errors are shown
 
 
 @dataclass(frozen=True)
@@ -65,7 +64,7 @@ def _vehicle(
     """What the page shows of a vehicle."""
     own = [t for t in result.trials if t.vehicle == vehicle.name]
     found = vehicle.changes
-    channels = list(dict.fromkeys(c for t in own for c in t.nrmse))[:FEW_NRMSE]
+    channels = tables.channels_of(own)
     return {
         "name": vehicle.name,
         "told": f"{vehicle.pooled} of {vehicle.trials} trials pooled. "
@@ -105,10 +104,10 @@ def _line(t: Any, channels: Sequence[str]) -> TrialLine:
             t.trial,
             t.date.replace("T", " ")[:16],
             tables.outcome(t),
-            *(PAGE.number(t.nrmse.get(c), 2) for c in channels),
+            *(PAGE.number(error, 2) for error in tables.errors_in(t, channels)),
             f"{t.from_data} of {t.coefficients}" if t.coefficients else "",
             PAGE.number(t.fits, 2),
-            "yes" if t.pooled else ("" if failed else "no"),
+            tables.pooled_word(t),
         ),
         failed,
     )

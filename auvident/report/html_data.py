@@ -25,6 +25,7 @@ from auvident.schema.diagnosis import ChannelError, Comparison, Diagnosis
 from auvident.schema.logs import Quality
 from auvident.schema.manifest import Manifest
 from auvident.schema.planes import BY_PLANE, PLANE_ROWS, STATES
+from auvident.schema.prior_errors import pooled_by_prior
 from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
 
@@ -236,13 +237,7 @@ class ReportData:
 
     def pooled_before(self, role: str) -> Mapping[str, ChannelMetrics]:
         """Pooled errors of the prior; empty when it did not predict the same maneuvers."""
-        metrics = self.metrics
-        if metrics is None or metrics.ase is None:
-            return {}
-        after, before = (
-            {m.id for m in x.maneuvers if m.role == role} for x in (metrics, metrics.ase)
-        )
-        return metrics.ase.summary.get(role, {}) if after == before else {}
+        return pooled_by_prior(self.metrics, role) if self.metrics else {}
 
 
 def _held_out(metrics: Metrics | None) -> tuple[ManeuverMetrics, ...]:

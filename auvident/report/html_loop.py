@@ -67,7 +67,7 @@ def lacks(report: ReportData) -> Lacks | None:
         false_alarm_p="" if found.false_alarm_p is None else f"{100.0 * found.false_alarm_p:.3g} %",
         effects=tables.effects((*found.effects, *found.not_confirmed)),
         attempts=tables.attempts(comparison) if comparison else None,
-        nuisance=tables.effects(diagnosis.nuisance),
+        nuisance=tables.adjusted(diagnosis.nuisance),
         ambiguous=tuple(" and ".join(group) for group in found.ambiguous),
         separate_by=diagnosis.separate_by,
         unexplained=words.unexplained_lines(found.unexplained),

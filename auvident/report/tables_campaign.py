@@ -12,6 +12,7 @@ from auvident.schema.spin import share
 NO_CHANGE = "No change of the vehicle stands out from chance"
 DISAGREE = 0.01
 REPEATS = "Trials to look at, or to repeat"
+FEW_NRMSE = 4  # channels of a trial whose errors are shown
 LONGEST = 120  # characters of a reason in a table; ``campaign.json`` and the page have more
 
 
@@ -131,8 +132,7 @@ def no_change(found: Changes) -> str:
 
 def campaign_trials(result: CampaignResult) -> Table:
     """Every trial: what came of it, its errors, whether it fits the others."""
-    shares = [_shares(t) for t in result.trials]
-    channels = list(dict.fromkeys(c for own in shares for c in own))[:4]
+    channels = channels_of(result.trials)
     dated = any(t.date for t in result.trials)
     heads = (
         *columns(("vehicle", "trial", "state", *("began",) * dated)),
@@ -148,14 +148,33 @@ def campaign_trials(result: CampaignResult) -> Table:
             t.state,
             *(t.date.replace("T", " ")[:16],) * dated,
             outcome(t),
-            *(Number(own.get(c), 2) for c in channels),
+            *(Number(error, 2) for error in errors_in(t, channels)),
             f"{t.from_data} of {t.coefficients}" if t.coefficients else "",
             Number(t.fits, 2),
-            ("yes" if t.pooled else "no") if t.verdict else "",
+            pooled_word(t),
         ]
-        for t, own in zip(result.trials, shares, strict=True)
+        for t in result.trials
     ]
     return Table(heads, rows, "Trials of the campaign")
+
+
+def channels_of(trials: Sequence[CampaignTrial]) -> list[str]:
+    """Channels whose NRMSE are shown: velocities and angle of the plane of each trial."""
+    own = [{c: _shares(t).get(c) for c in list(t.nrmse)[:FEW_NRMSE]} for t in trials]
+    return list(dict.fromkeys(c for row in own for c, value in row.items() if value is not None))
+
+
+def errors_in(t: CampaignTrial, channels: Sequence[str]) -> list[float | None]:
+    """The NRMSE of a trial in some channels, None where it has none to show."""
+    own = _shares(t)
+    return [own.get(c) for c in channels]
+
+
+def pooled_word(t: CampaignTrial) -> str:
+    """Whether a trial went into the pooled model; empty where it came to none."""
+    if t.state in ("failed", "planned"):
+        return ""
+    return "yes" if t.pooled else "no"
 
 
 def _shares(t: CampaignTrial) -> dict[str, float]:

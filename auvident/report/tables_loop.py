@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 
+from auvident.constants import NORMAL_95
 from auvident.report import loop_words as words
 from auvident.report.tables import (
     Cell,
@@ -36,7 +37,7 @@ from auvident.schema.diagnosis import (
     ManeuverComparison,
     ParameterValue,
 )
-from auvident.schema.effects import in_plane
+from auvident.schema.effects import in_plane, parameter_of
 
 
 def effects(found: Sequence[EffectFound]) -> Table:
@@ -52,6 +53,23 @@ def effects(found: Sequence[EffectFound]) -> Table:
             rows.append([*first, "", "", "", ""])
     heads = columns(("effect", "in words", "parameter", "unit"), ("value", "95 % interval"))
     return Table(heads, rows)
+
+
+def adjusted(found: Sequence[EffectFound]) -> Table:
+    """What is adjusted along with every effect; a limit that may as well be none by its least."""
+    rows: list[list[Cell]] = []
+    for effect in found:
+        first = effect.id
+        for p in effect.parameters:
+            std = p.std or 0.0
+            low, high = parameter_of(f"{effect.id}.{p.symbol}").reaches(p.value, NORMAL_95 * std)
+            bounds = Interval(low, high) if std and high is not None else ""
+            value: Cell = Rounded(p.value, std)
+            if high is None:
+                value = Joined((Words(words.SIDES["at least"]), Number(low, 2)), " ")
+            rows.append([first, p.symbol, Unit(p.unit), value, bounds])
+            first = ""
+    return Table(columns(("effect", "parameter", "unit"), ("value", "95 % interval")), rows)
 
 
 def _value(p: ParameterValue) -> Cell:

@@ -140,6 +140,19 @@ class EffectParameter:
         value = self.factor * least**-power
         return value, power * value / least * std
 
+    def reaches(self, value: float, half: float) -> tuple[float, float | None]:
+        """Ends of an interval given to first order, as `shown` has it: ``value`` -+ ``half``.
+
+        Of a limit they are those of its inverse; the upper one is None where that may be zero,
+        so that there may be no limit at all.
+        """
+        if self.form == "plain":
+            return value - half, value + half
+        power = 1.0 if self.form == "inverse" else 0.5
+        share = half / (power * value)  # of the inverse
+        high = value * (1.0 - share) ** -power if share < 1.0 else None
+        return value * (1.0 + share) ** -power, high
+
 
 @dataclass(frozen=True)
 class Effect:

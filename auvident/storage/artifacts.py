@@ -35,6 +35,7 @@ STREAM = re.compile(r"/dev/(stdout|stderr)|/(?:dev|proc/self)/fd/(\d{1,9})")
 STREAMS = {"stdout": 1, "stderr": 2}
 MOST_LINKS = 40  # to follow, as Linux does
 HASH_CHUNK = 1 << 20  # bytes read at a time
+DAMAGED = "is damaged"  # how the problem of a file begins that is no JSON
 MOST_JSON_BYTES = 256 * MEGABYTE  # the largest, a model of many trials, has 10
 # Unit of a column by the end of its name, the longest first.
 UNIT_SUFFIXES = {
@@ -100,9 +101,9 @@ def read_json(path: Path, remedy: str = "") -> Any:
     except OSError as error:
         raise StageError(f"cannot be read: {error.strerror}", str(path), remedy) from None
     except ValueError as error:
-        raise StageError(f"is damaged: {clipped(str(error))}", str(path), remedy) from None
+        raise StageError(f"{DAMAGED}: {clipped(str(error))}", str(path), remedy) from None
     except RecursionError:
-        raise StageError("is damaged: it is nested too deeply", str(path), remedy) from None
+        raise StageError(f"{DAMAGED}: it is nested too deeply", str(path), remedy) from None
 
 
 def _refuse_constant(name: str) -> None:

@@ -17,7 +17,11 @@ from auvident.storage.vehicle_file import load_vehicle
 
 REMEDY = "`auvident schema campaign` lists the tables and keys."
 VEHICLE = "vehicle.toml"
-RESULT = "campaign.json"  # in the output of a campaign
+# in the output of a campaign, beside the folders of its vehicles
+RESULT, PAGE = "campaign.json", "campaign.html"
+TABLES = ("trials", "coefficients", "effects")  # each a .parquet file
+POOLED, CHANGES = "pooled.json", "changes.json"  # of a vehicle, beside the runs of its trials
+OF_CAMPAIGN = {RESULT, PAGE, *(f"{name}.parquet" for name in TABLES)}
 OF_VEHICLE = {"hull", "fin", "signs"}  # tables that stand in a vehicle file alone
 FOLDERS = "Give folders of trials, or a campaign file."
 WITH_FOLDERS = f"{FOLDERS[:-1]}; a vehicle file goes with --vehicle."
@@ -145,6 +149,7 @@ def _planned(
     column_map: Path | None,
     options: RunOptions,
 ) -> list[PlannedTrial]:
+    _refuse_taken("vehicle", vehicle, OF_CAMPAIGN, file)
     load_vehicle(file)  # a fault in it, or in the map, is told once and not by every trial
     if column_map is not None:
         read_column_map(column_map)
@@ -155,5 +160,14 @@ def _planned(
             raise InputError(
                 f"two trials of {vehicle} are named {name}", f"{names[name]}, {log}", "Rename one."
             )
+        _refuse_taken("trial", name, {POOLED, CHANGES}, log)
         names[name] = log
     return [PlannedTrial(vehicle, n, log, file, column_map, options) for n, log in names.items()]
+
+
+def _refuse_taken(what: str, name: str, files: set[str], where: Path) -> None:
+    """Refuse a name whose folder would stand where the campaign writes a file."""
+    if name.casefold() in files:  # some file systems do not tell large letters from small ones
+        raise InputError(
+            f"the {what} is named {name}, as a file of the results is", str(where), "Rename it."
+        )

@@ -1,21 +1,24 @@
 """`auvident.run` and what it leaves behind: nothing but the run directory."""
 
+import json
 import os
 import signal
 import subprocess
 import sys
 import threading
 import warnings
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 from threadpoolctl import threadpool_info
 
 import auvident
 from auvident.pipeline import run as pipeline_run
-from tests.command_line import ENVIRONMENT
+from tests.command_line import ENVIRONMENT, Called
 
 AGAIN: dict[str, Any] = {
     "logs": "sample_logs/harbour_trial",
@@ -178,3 +181,18 @@ def test_to_import_it_loads_nothing_heavy() -> None:
     command = [sys.executable, "-c", script]
     told = subprocess.run(command, env=ENVIRONMENT, capture_output=True, text=True, check=True)
     assert told.stdout.strip() == "set()"
+
+
+def test_trials_are_pooled_as_by_the_command(demo: Path, auvident: Callable[..., Called]) -> None:
+    import auvident as interface
+
+    told = json.loads(auvident("pool", demo, "--output", "told.json", "--json").out)
+    made = interface.pool(demo)
+    values = {c["symbol"]: c["value"] for c in told["coefficients"]}
+    assert made.coefficients.loc[list(values), "value"].to_dict() == pytest.approx(values)
+    assert made.artifact.pooling.trials[0].trial == "demo"  # type: ignore[attr-defined]
+    table = {"time_s": np.arange(50) * 0.1, "rudder_deg": -5.0, "rpm": 800.0}
+    flown = [m.simulate(pd.DataFrame(table), 0) for m in (made, interface.load_model("told.json"))]
+    pd.testing.assert_frame_equal(*flown)
+    with pytest.raises(interface.UsageError, match="nothing to pool"):
+        interface.pool([])

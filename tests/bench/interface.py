@@ -17,6 +17,7 @@ FUNCTIONS = (
     "load_model",
     "load_whole_model",
     "combine",
+    "pool",
     "load_vehicle",
     "estimate_from_geometry",
 )

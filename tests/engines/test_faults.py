@@ -115,7 +115,8 @@ def test_the_state_that_diverges_is_the_one_named(run, kind) -> None:
 def test_a_mass_matrix_that_is_not_positive_stops_the_filter(run, kind) -> None:
     error = caught(run, kind, singular())
     assert "mass matrix is not positive definite" in error.problem
-    assert "0.0 s after its start" in error.where
+    assert error.where == "horizontal plane, added masses X_udot, Y_vdot, Y_rdot, N_vdot, N_rdot"
+    assert "maneuver" not in str(error)  # none of them is to blame, nor helps to hold one out
 
 
 def test_a_prior_that_reaches_a_negative_mass_stops_the_ukf() -> None:
@@ -149,4 +150,5 @@ def test_two_negative_masses_stop_the_filter(run, kind) -> None:
     ],
 )
 def test_filterpys_engine_has_the_same_errors(run, kind, made) -> None:
-    assert LONG in caught(run, kind, made()).where
+    where = caught(run, kind, made()).where
+    assert ("added masses X_udot" if made is singular else LONG) in where

@@ -4,8 +4,15 @@ import pytest
 
 from auvident.report import loop_words as words
 from auvident.report.numbers import TERMINAL
-from auvident.report.tables_loop import attempts, candidates, sight
-from auvident.schema.diagnosis import Attempt, Detectable, Lookalikes, ParameterValue
+from auvident.report.tables import written
+from auvident.report.tables_loop import adjusted, attempts, candidates, sight
+from auvident.schema.diagnosis import (
+    Attempt,
+    Detectable,
+    EffectFound,
+    Lookalikes,
+    ParameterValue,
+)
 from auvident.schema.loop_statements import nothing_found, nothing_known, remaining
 from auvident.schema.planes import HORIZONTAL
 from auvident.stages.diagnose.verdict.observability import detectable_push
@@ -28,6 +35,29 @@ def test_a_size_has_unit_and_interval() -> None:
     assert words.size("rudder_asymmetry", screened) == "gain 0.2"
     late = ParameterValue(symbol="time_s", value=1358.5, std=0.5, unit="s", low=1357.5, high=1359.5)
     assert words.size("weight_change", late) == "time_s 1358.5 s (1357.5 to 1359.5)"
+
+
+def test_a_limit_that_may_be_none_is_told_by_the_least_that_it_may_be() -> None:
+    """A stall whose inverse square is near zero was told at 331 deg, -12636 to 13298."""
+    values = {
+        "rudder_stall": ("angle_deg", 330.8, 6616.0, "deg"),
+        "rudder_rate_limit": ("rate_degps", 80.0, 20.0, "deg/s"),
+        "rudder_delay": ("delay_s", -0.017, 0.016, "s"),
+        "linear_drag": ("X_u", -0.4, 0.0, "kg/s"),
+    }
+    found = [
+        EffectFound(
+            id=name,
+            family="actuation",
+            parameters=(ParameterValue(symbol=symbol, value=value, std=std, unit=unit),),
+        )
+        for name, (symbol, value, std, unit) in values.items()
+    ]
+    rows = {row[0]: row[3:] for row in written(adjusted(found), TERMINAL).rows}
+    assert rows["rudder_stall"] == ("≥ 37", "")
+    assert rows["rudder_rate_limit"] == ("80", "54 to 157")  # 80 / (1 +- 1.96 x 0.25)
+    assert rows["rudder_delay"] == ("-0.017", "-0.048 to 0.014")
+    assert rows["linear_drag"] == ("-0.4", "")
 
 
 def test_the_place_of_an_effect_of_one_time() -> None:

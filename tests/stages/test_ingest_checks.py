@@ -338,6 +338,21 @@ def test_a_heading_of_radians_in_a_column_of_degrees():
     assert np.allclose(back, attitude.values["heading_rad"], equal_nan=True)
 
 
+def test_a_log_of_gentle_turns_is_not_told_to_be_short():
+    sensors = dict(sailed().sensors)
+    for name, column in (("gyro", "r_radps"), ("attitude", "heading_rad")):
+        values = sensors[name].values
+        known = np.isfinite(values[column])
+        gentle = np.full(known.size, np.nan)
+        gentle[known] = 0.02 * np.unwrap(values[column][known], period=2.0 * np.pi)
+        sensors[name] = replace(sensors[name], values=values | {column: gentle})
+    made = rows(replace(sailed(), sensors=sensors))["heading_unit"]
+    assert (made.outcome, made.message) == (
+        "untested",
+        "over the whole log the vehicle turns too little",
+    )
+
+
 @pytest.mark.parametrize("degrees", [10.0, -25.0])
 def test_a_dvl_that_is_turned_is_told_without_a_position(degrees):
     """A DVL turned to starboard reads a v to port on straight ways, whatever the course."""

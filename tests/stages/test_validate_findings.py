@@ -63,6 +63,7 @@ def test_single_maneuvers_that_are_predicted_worse_are_named_with_their_channels
     assert found.where.startswith("made-turn-1 (u")  # the zigzag identifies
     assert found.value < found.threshold == 1.0 and found.remedy
     assert found.message == ("predicted worse than with " + ESTIMATE)
+    assert "their" not in found.remedy  # of one maneuver, often of one channel
 
 
 def test_a_model_better_than_its_prior_has_no_such_finding() -> None:

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from auvident.constants import GRAVITY_MPS2
+from auvident.engines.carried import structure_behind
 from auvident.errors import InputError, UsageError
 from auvident.physics.ase.roll import roll_estimate
 from auvident.physics.six_dof_terms import (
@@ -25,6 +26,7 @@ from auvident.schema.combined import (
     CombinedSource,
     CovarianceBlock,
 )
+from auvident.schema.places import BESIDE, beside
 from auvident.schema.planes import BY_FIN, PLANES
 from auvident.schema.vehicle import Vehicle
 from auvident.stages.combine.band import band_of_planes
@@ -39,6 +41,9 @@ TORQUE = ("K_nn", "K_nu")  # no curve of K_Q in the vehicle file: zero, and said
 SAME_MASS = 0.05  # share within which two runs are of one vehicle, ballasted anew
 
 Roll = Mapping[str, Sequence[float]]
+
+# of a run of both planes that was refined
+OF_ONE_PLANE = {PLANES[0]: "refine/model.json", BESIDE: beside("refine/model.json")}
 
 
 def combine(
@@ -110,9 +115,11 @@ def _check(models: Sequence[IdentifiedModel], vehicle: Vehicle) -> None:
             other = next(p for p in PLANES if p != plane)
             raise UsageError(
                 f"there are two models of the {plane} plane",
-                remedy=f"Give one of the {plane} plane and one of the {other} plane.",
+                remedy=f"Give one of the {plane} plane and one of the {other} plane; of a run of "
+                f"both planes, RUN/{OF_ONE_PLANE[other]} is the {other} one alone.",
             )
     for model in models:
+        structure_behind(model)  # refuses effects that this version does not know
         mass, own = model.rigid_body.mass_kg, vehicle.body.mass_kg
         same = np.isclose(model.length_m, vehicle.hull.length_m) and model.vehicle == (
             vehicle.body.name

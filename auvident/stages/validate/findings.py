@@ -11,6 +11,7 @@ from auvident.schema.artifacts import (
     IdentifiedModel,
     Metrics,
 )
+from auvident.schema.prior_errors import pooled_by_prior
 
 AS_ITS_VARIATION = 1.0  # NRMSE from which on the mean of a channel would predict it as well
 MANY_ON_PRIOR = 0.5  # data share below which a coefficient is more prior than data
@@ -37,7 +38,7 @@ def findings_of(metrics: Metrics, model: IdentifiedModel, estimated: bool = True
     after = metrics.summary.get("validate", {})
     return [
         *_not_predicted(after),
-        *_no_better(after, _pooled_by_prior(metrics), prior),
+        *_no_better(after, pooled_by_prior(metrics), prior),
         *_prior_ran_away(metrics, prior),
         *_worse_than_prior(metrics, prior),
         *_resting_on_prior(model),
@@ -99,7 +100,7 @@ def _worse_than_prior(metrics: Metrics, prior: str) -> Iterator[Finding]:
                 value=min(worse.values()),
                 threshold=NOT_BETTER,
                 message=f"predicted worse than with {prior}",
-                remedy="Compare their measured and predicted channels in the report.",
+                remedy="Compare measured and predicted values in the report.",
             )
 
 
@@ -117,16 +118,6 @@ def _resting_on_prior(model: IdentifiedModel) -> Iterator[Finding]:
             "maneuvers; single coefficients may be wrong",
             remedy="`auvident plan-trial RUN` ranks the maneuvers that would show more.",
         )
-
-
-def _pooled_by_prior(metrics: Metrics) -> Channels:
-    """Pooled errors of the prior; empty where it did not predict the same held-out maneuvers."""
-    if metrics.ase is None:
-        return {}
-    after, before = (
-        {m.id for m in x.maneuvers if m.role == "validate"} for x in (metrics, metrics.ase)
-    )
-    return metrics.ase.summary.get("validate", {}) if after == before else {}
 
 
 def _gain(before: ChannelMetrics | None, after: ChannelMetrics) -> float | None:

@@ -92,8 +92,10 @@ def heading_unit(seen: Seen) -> Verdict:
     if not np.isfinite(seen.passage_s) or not seen.has("heading_rad"):
         return untested("no heading, or the vehicle hardly moves")
     by_rate, turned = _turns(seen, "r_radps")
-    if turned.size < MIN_SAMPLES or np.std(by_rate) < CLEAR_TURN:
-        return untested("the vehicle hardly turns, or not for long")
+    if turned.size < MIN_SAMPLES:
+        return untested("heading and r are known together for too short a time")
+    if np.std(by_rate) < CLEAR_TURN:
+        return untested("over the whole log the vehicle turns too little")
     share = float(np.std(turned) / np.std(by_rate))
     if share >= STILL_SHARE:
         return agrees("the heading turns with the vehicle", share)
