@@ -287,11 +287,12 @@ def _estimated_along(
 ) -> dict[str, Any]:
     """The model that the trial is pooled by, where the run ends with one that has less."""
     from auvident.errors import NumericsError
+    from auvident.stages.identify import headings_compare
     from auvident.stages.refine import along
     from auvident.stages.refine.errors import cruise_of
 
     claimed, (speed, _) = {e.id for e in comparison.effects}, cruise_of(prediction.simulation)
-    heading = _in_one_frame(given, model.plane)
+    heading = headings_compare(given.trials, given.maneuvers, model.plane)
     carried = along(given.diagnosis, claimed, model, speed, heading=heading)
     if carried is None:
         return {}
@@ -314,16 +315,6 @@ def _from_here(plan: "Plan") -> "Plan":
     return plan.model_copy(update={"stage": (last,), "cycles": 1})
 
 
-def _has_headings(given: Given) -> bool:
-    return any(t.has_heading for t in given.trials)
-
-
-def _in_one_frame(given: Given, plane: "Plane") -> bool:
-    """Whether headings can be held against each other: logged, or summed up of one yaw rate."""
-    alone = given.trials[0] if len(given.trials) == 1 and plane == "horizontal" else None
-    return _has_headings(given) or (alone is not None and alone.turned_rad is not None)
-
-
 def _unexplained(
     given: Given, filter: str, carried: Any, model: "IdentifiedModel", prediction: "Validation"
 ) -> "tuple[_Again | None, UnexplainedForce]":
@@ -335,7 +326,7 @@ def _unexplained(
         Base.of(carried, nuisance, model, prediction),
         lambda c: _identified_again(given, filter, c),
         given.maneuvers,
-        heading=_has_headings(given),
+        heading=any(t.has_heading for t in given.trials),
         seed=given.seed or 0,
     )
     return (made.found if made else None), force
