@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from auvident.constants import NORMAL_95, NOT_MOVED, USUAL_SPEED_MPS
+from auvident.constants import BEYOND_CHANCE_NATS, NOT_MOVED, USUAL_SPEED_MPS
 from auvident.engines.carried import LEADERS, effect_rows, free_behind
-from auvident.engines.constraints import by_constraint, in_units
+from auvident.engines.constraints import by_constraint, in_units, states_at
 from auvident.engines.flown import joined
 from auvident.estimation.identifiability import correlations
 from auvident.estimation.inequalities import nearest
@@ -18,7 +18,6 @@ from auvident.estimation.pooling import Pooled
 from auvident.physics.consistency import BY_CONSTRAINT, Basis, Constraints, constraints_of
 from auvident.physics.terms import Structure, parameter_vector, structure_of
 from auvident.schema.artifacts import (
-    ConstraintState,
     Finding,
     IdentifiedModel,
     LeftOutSummary,
@@ -33,7 +32,6 @@ from auvident.stages.pool.collect import Collected
 
 Array = npt.NDArray[Any]
 
-BEYOND_CHANCE = 0.5 * NORMAL_95**2  # [nats]
 # Drift a / u and turn b L / u of moderate maneuvers, in which no hull gains energy; ahead at first.
 # The states that were flown stand in the logs, which are not read again.
 MODERATE = ((0.0, 0.0), (0.1, 0.3), (-0.1, 0.3), (0.1, -0.3), (-0.1, -0.3))
@@ -257,25 +255,18 @@ def _with_states(
     """The model with where it stands to what physics knows."""
     structure = structure_of(model.plane, tuple(str(e["id"]) for e in model.effects))
     effects = {n: float(v) for e in model.effects for n, v in e["internal"].items()}
-    value, _ = constraints(_vector(model, structure, {**model.values(), **effects}))
-    least: dict[str, float] = {}
-    for name, g in zip(constraints.ids, value.tolist(), strict=True):
-        least[name] = min(g, least.get(name, g))
-    states = tuple(
-        ConstraintState(id=n, value=g, active=costs.get(n, 0.0) > 0.0, cost_nats=costs.get(n, 0.0))
-        for n, g in least.items()
-    )
-    return model.model_copy(update={"constraints": states})
+    vector = _vector(model, structure, {**model.values(), **effects})
+    return model.model_copy(update={"constraints": states_at(constraints, vector, costs)})
 
 
 def _against_physics(costs: Any) -> Iterator[Finding]:
     for name, cost in costs.items():
-        if cost > BEYOND_CHANCE:
+        if cost > BEYOND_CHANCE_NATS:
             yield Finding(
                 code="against-physics",
                 where=name,
                 value=cost,
-                threshold=BEYOND_CHANCE,
+                threshold=BEYOND_CHANCE_NATS,
                 message=f"the trials ask for {BY_CONSTRAINT[name].asks} (cost {cost:.0f} nats): "
                 f"{BY_CONSTRAINT[name].lacks}",
                 remedy="The model keeps what physics allows; look for the effect in the trials.",

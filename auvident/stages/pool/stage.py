@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from auvident.constants import NORMAL_95
 from auvident.errors import InputError
 from auvident.estimation.pooling import (
     Agreement,
@@ -40,6 +39,7 @@ MOST_LEFT_OUT = 1 / 3  # of the trials
 FEW_TRIALS = 5  # fewer say little of the scatter between trials
 DISAGREE = 0.01  # probability of so much scatter of one of the coefficients by chance
 CLIPPED = 0.1  # of the prior's information that was cut off, from which on it is told
+FITS_NO_OTHER = "trial-fits-no-other"  # code of a finding
 LAST_CHANGED = (
     "Was it logged by another vehicle, or is the log damaged? It is left out of the pooled model."
 )
@@ -295,7 +295,7 @@ def _strange(trials: Sequence[PooledTrial], twice: Mapping[int, Copy]) -> Iterat
             )
         elif not t.used:
             yield Finding(
-                code="trial-fits-no-other",
+                code=FITS_NO_OTHER,
                 where=t.trial,
                 value=t.square,
                 threshold=_least(t.directions, FITS_NONE / len(trials)),
@@ -367,8 +367,3 @@ def _scatter_of(t: Together, i: int) -> tuple[float, str]:
     name, unit = t.data.names[i], float(t.data.unit[i])
     own = float(t.data.origin[i]) + unit * float(t.found.mean[i])
     return _shown(name, own, unit * float(np.sqrt(t.between[i])))[1], _unit_of(name)
-
-
-def interval(value: float, std: float) -> tuple[float, float]:
-    """95 % interval."""
-    return value - NORMAL_95 * std, value + NORMAL_95 * std
