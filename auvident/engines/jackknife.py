@@ -10,7 +10,7 @@ import numpy.typing as npt
 from auvident.constants import NORMAL_90
 from auvident.engines.constraints import in_units
 from auvident.engines.estimator import Task, task_about
-from auvident.engines.falling import PushesAlong, fallen_variance, hardly_keeps_course, pushes_of
+from auvident.engines.falling import PushesAlong, fallen_models, hardly_keeps_course, pushes_of
 from auvident.engines.free_run import likelihood
 from auvident.engines.map_fit import Prior
 from auvident.engines.predictive import LeftOutCourse, left_out_course, noise_of, widened
@@ -183,7 +183,7 @@ def left_out_courses(
     left = [course.beyond(noise) for course in found.values() if course is not None]
     pushes = pushes_of(left, plane, length_m)
     return {
-        name: course and widened(course, fallen_variance(setup.frame, *models[name], pushes).variance)
+        name: course and widened(course, fallen_models(setup.frame, *models[name], pushes).variance)
         for name, course in found.items()
     }, pushes
 
