@@ -112,6 +112,12 @@ def test_the_envelope_is_made_of_what_was_flown_and_of_no_stray_reading() -> Non
     assert envelope([]).shape == (0, 3)
 
 
+def test_port_and_starboard_have_one_envelope() -> None:
+    records = [r for _, r in setup_of().records.values()]
+    mirrored = [replace(r, given=r.given * np.array([1.0, -1.0, -1.0, 1.0])) for r in records]
+    np.testing.assert_array_equal(envelope(mirrored), envelope(records))
+
+
 def test_slopes_in_units_of_a_fit_go_with_what_follows() -> None:
     setup = setup_of()
     free = setup.free(np.array([setup.structure.index(s) for s in ("Y_rdot", "N_rdot")]))

@@ -57,6 +57,15 @@ def test_windows_cover_the_held_out_maneuvers_and_leave_the_rest() -> None:
     ]
 
 
+def test_a_maneuver_of_just_three_windows_has_three_of_them() -> None:
+    """16.4 - 1.4 is less than 15 in the last digit of a binary number."""
+    parts = {"trial": "t", "kind": "turn", "plane": "horizontal", "planes": ("horizontal",)}
+    start = 14 * 0.1
+    held = Maneuver(id="a", t_start_s=start, t_end_s=16.4, role="validate", **parts)
+    assert held.t_end_s - held.t_start_s < 15.0
+    assert len(windows_of(Maneuvers(maneuvers=(held,)), 5.0).maneuvers) == 3
+
+
 def test_a_short_horizon_has_the_smaller_error_of_what_adds_up() -> None:
     metrics = validated("harbour_trial").metrics
     free, (short, long) = metrics.summary["validate"], metrics.horizons.values()

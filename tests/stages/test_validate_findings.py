@@ -4,6 +4,7 @@ import pytest
 
 from auvident.schema.artifacts import Finding, IdentifiedModel, Metrics
 from auvident.stages.validate import validate
+from auvident.stages.validate.findings import findings_of
 from tests.stages.test_validate import base, changed, maneuvers, sailed
 
 ESTIMATE, GIVEN = "the estimate from geometry (ASE)", "the given coefficients (prior)"
@@ -55,6 +56,16 @@ def test_data_that_made_a_channel_worse_are_called_so() -> None:
     assert found["u"].message == f"{words} {ESTIMATE}"
     given = metrics_of(changed(true_prior(), X_uu=0.8 * base().values()["X_uu"]), estimated=False)
     assert f"{words} {GIVEN}" in {f.message for f in given.findings}
+
+
+def test_where_the_prior_did_not_predict_the_same_maneuvers_nothing_pooled_is_compared() -> None:
+    model = changed(true_prior(), X_uu=0.8 * base().values()["X_uu"])
+    metrics = metrics_of(model)
+    assert metrics.ase is not None
+    others = metrics.ase.model_copy(update={"maneuvers": ()})
+    found = findings_of(metrics.model_copy(update={"ase": others}), model)
+    assert "no-better" not in {f.code for f in found}
+    assert "no-better" in {f.code for f in findings_of(metrics, model)}
 
 
 def test_single_maneuvers_that_are_predicted_worse_are_named_with_their_channels() -> None:
