@@ -151,6 +151,18 @@ def test_a_hull_that_hardly_keeps_its_course_is_pushed_in_the_pooled_model_too()
     assert pushes.std == pytest.approx([0.0, rms, 2.0 * rms, 0.0])
 
 
+def test_a_channel_that_the_first_trial_did_not_measure_is_pooled_of_the_others() -> None:
+    own = models()[:3]
+    left = own[0].left_out
+    assert left is not None and {"u", "v"} <= set(left.spread)
+    without_v = {name: s for name, s in left.spread.items() if name != "v"}
+    own[0] = own[0].model_copy(update={"left_out": left.model_copy(update={"spread": without_v})})
+    found = pool(trials(own)).model.left_out
+    assert found is not None
+    others = [m.left_out.spread["v"] for m in own[1:] if m.left_out is not None]
+    assert found.spread["v"] == pytest.approx(np.sqrt(np.mean(np.square(others))))
+
+
 def test_a_scatter_of_zero_is_not_told_as_one_that_the_claim_contains() -> None:
     first, second = models()[:2]
     rows = (
