@@ -798,6 +798,16 @@ def test_findings_on_the_refined_model_are_handed_on() -> None:
     assert found.findings == (ON_THE_REFINED[0], ON_THE_REFINED[2])  # the other is said already
 
 
+@pytest.mark.parametrize("code", ["window-ran-away", "drawn-models-run-away"])
+def test_what_diverges_with_the_refined_model_is_handed_on(code) -> None:
+    """In place of what diverged with the model before, which the report then leaves out."""
+    told = Finding(code=code, message="of the refined model")
+    found = compare(
+        NONE, MANEUVERS, model(), doubled(), predicted(0), predicted(0), predicted=[told]
+    )
+    assert told in found.findings
+
+
 TWO = (
     Attempt(effects=()),
     Attempt(effects=("rudder_offset", "gyro_bias"), ratios={"r": 1.4}),
