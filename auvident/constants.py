@@ -21,6 +21,8 @@ MEDIAN_OF_ABS_TO_STD = 1.4826  # standard deviation over median absolute deviati
 # `auvident.estimation.innovations` take the quantile with all its digits.
 NORMAL_95 = 1.96
 NORMAL_90 = 1.645  # the same of a 90 % interval: 19 of 20 lie above its lower end
+# the likelihood ratio of a parameter of no effect stays below it in 19 of 20 cases (Wilks 1938)
+BEYOND_CHANCE_NATS = 0.5 * NORMAL_95**2
 
 # A DVL loses the bottom for a few seconds now and then; a maneuver is not lost with it, a longer
 # gap may hide a swing or a turn. The rows between are interpolated, flagged and carry no weight

@@ -98,7 +98,7 @@ def test_identification_gains_on_the_prior(metrics) -> None:
         assert metrics.summary["validate"][channel].rmse < 0.6 * before
     found = {f.code: f.where for f in metrics.findings}
     assert set(found) == {"worse-than-prior", "rests-on-prior"}  # none runs away, r and v gain
-    assert found["worse-than-prior"].startswith("hsva_Z_10_05-zigzag-1 (r")  # the smallest rudder
+    assert found["worse-than-prior"] == "hsva_Z_10_05-zigzag-1 (heading, track)"  # least rudder
 
 
 def test_the_loop_finds_the_propeller(compared: Comparison) -> None:

@@ -13,6 +13,7 @@ from auvident.engines.prediction import Free
 from auvident.engines.records import Record
 from auvident.estimation.inequalities import Inequalities
 from auvident.physics.consistency import Constraints
+from auvident.schema.artifacts import ConstraintState
 
 Array = npt.NDArray[Any]
 
@@ -82,3 +83,25 @@ def by_constraint(constraints: Constraints, costs: Array) -> Mapping[str, float]
     for name, cost in zip(constraints.ids, costs, strict=True):
         found[name] += float(cost)
     return found
+
+
+def states_at(
+    constraints: Constraints, parameters: Array, costs: Mapping[str, float]
+) -> tuple[ConstraintState, ...]:
+    """Where a model stands to each constraint; of several states flown to the worst.
+
+    Parameters
+    ----------
+    parameters : (n_parameters,) array
+    costs : mapping
+        As of `by_constraint`; what is not there costs nothing.
+    """
+    value, _ = constraints(parameters)
+    least: dict[str, float] = {}
+    for name, g in zip(constraints.ids, value.tolist(), strict=True):
+        least[name] = min(g, least.get(name, g))
+    told = {name: costs.get(name, 0.0) for name in least}
+    return tuple(
+        ConstraintState(id=name, value=g, active=told[name] > 0.0, cost_nats=told[name])
+        for name, g in least.items()
+    )

@@ -40,7 +40,8 @@ class PushesAlong:
     Attributes
     ----------
     std : (k,) array
-        Standard deviation of the change of each state, of the whole vehicle of each velocity.
+        Standard deviation of the change of each state; of six degrees of freedom of each of the
+        six velocities.
     length_m : float
     """
 
@@ -95,20 +96,32 @@ def pushes_of(left: Iterable[Mapping[str, float]], plane: Plane, length_m: float
     return PushesAlong(std, length_m)
 
 
-def fallen_variance(
+@dataclass(frozen=True)
+class Fallen:
+    """How far models drawn and pushed are off the predicted course.
+
+    Attributes
+    ----------
+    variance : dict of str to (n,) array
+        Mean square by channel, as of `engines.predictive.parameter_variance`; empty where all run
+        away.
+    ran_away : int
+        Of the `MEMBERS` drawn, those that run away and have no part in it.
+    """
+
+    variance: dict[str, Array]
+    ran_away: int
+
+
+def fallen_models(
     frame: Frame, p: Array, record: Record, free: Free, covariance: Array, pushes: PushesAlong
-) -> dict[str, Array]:
-    """Mean square (n,) by which models drawn and pushed are off the predicted course.
+) -> Fallen:
+    """Draw models about a prediction, and push each along the way.
 
     Parameters
     ----------
     covariance : (k, k) array
         Of the free parameters, in units of their scale.
-
-    Returns
-    -------
-    dict
-        By channel, as of `engines.predictive.parameter_variance`; empty where all run away.
     """
     rng, rows = np.random.default_rng(0), pushes.rows(record, frame.dt_s)
     drawn = rng.multivariate_normal(
@@ -116,13 +129,17 @@ def fallen_variance(
     )
     about = _course(frame, p, record, rows, np.zeros((len(rows), N_STATES)))
     square: dict[str, list[Array]] = {name: [] for name in about}
+    ran_away = 0
     for by in drawn:
         course = _course(frame, free.moved(p, by), record, rows, pushes.drawn(len(rows), rng))
-        if all(np.isfinite(values).all() for values in course.values()):
-            for name, values in course.items():
-                distance = (values - about[name]).reshape(len(record), -1)
-                square[name].append(np.sum(distance**2, axis=1))
-    return {name: np.mean(found, axis=0) for name, found in square.items() if found}
+        if not all(np.isfinite(values).all() for values in course.values()):
+            ran_away += 1
+            continue
+        for name, values in course.items():
+            distance = (values - about[name]).reshape(len(record), -1)
+            square[name].append(np.sum(distance**2, axis=1))
+    variance = {name: np.mean(found, axis=0) for name, found in square.items() if found}
+    return Fallen(variance, ran_away)
 
 
 def simulated_pushed(

@@ -10,12 +10,13 @@ import numpy.typing as npt
 from auvident.constants import NORMAL_90
 from auvident.engines.constraints import in_units
 from auvident.engines.estimator import Task, task_about
-from auvident.engines.falling import PushesAlong, fallen_variance, hardly_keeps_course, pushes_of
+from auvident.engines.falling import PushesAlong, fallen_models, hardly_keeps_course, pushes_of
 from auvident.engines.free_run import likelihood
 from auvident.engines.map_fit import Prior
 from auvident.engines.predictive import LeftOutCourse, left_out_course, noise_of, widened
 from auvident.engines.setup import Outcome, Setup
 from auvident.estimation.inequalities import kept
+from auvident.estimation.innovations import mean_square_quantile
 from auvident.estimation.output_error import bounded_step, fit
 from auvident.estimation.pooling import for_few, seen_axes
 from auvident.schema.plan import PlanStage
@@ -182,7 +183,7 @@ def left_out_courses(
     left = [course.beyond(noise) for course in found.values() if course is not None]
     pushes = pushes_of(left, plane, length_m)
     return {
-        name: course and widened(course, fallen_variance(setup.frame, *models[name], pushes))
+        name: course and widened(course, fallen_models(setup.frame, *models[name], pushes).variance)
         for name, course in found.items()
     }, pushes
 
@@ -315,10 +316,5 @@ def expected_variance(curvatures: Sequence[Array], prior: Array) -> tuple[Array,
 
 
 def largest_by_chance(freedom: Array) -> Array:
-    """A chi-square over its degrees of freedom exceeds this in one of twenty cases.
-
-    Cube of a normal variable (Wilson and Hilferty 1931), good to some percent at one degree.
-    """
-    spread = 2.0 / (9.0 * freedom)
-    found: Array = (1.0 - spread + NORMAL_90 * np.sqrt(spread)) ** 3
-    return found
+    """A chi-square over its degrees of freedom exceeds this in one of twenty cases."""
+    return mean_square_quantile(freedom, NORMAL_90)

@@ -27,7 +27,7 @@ from auvident.engines.carried import (
     predicted_course,
     vector_behind,
 )
-from auvident.engines.falling import PushesAlong, fallen_variance
+from auvident.engines.falling import PushesAlong, fallen_models
 from auvident.engines.prediction import Frame, Free, readings_with_slopes
 from auvident.engines.records import Record
 from auvident.physics.dynamics import ALL_STATES, N_STATES
@@ -315,19 +315,35 @@ def half_width(error: ModelError, noise_std: float, variance: Array, elapsed_s: 
     return np.asarray(error.factor * np.sqrt(total))
 
 
-def band_of(model: IdentifiedModel, record: Record, dt_s: float) -> dict[str, Array]:
-    """Half widths of the band about the prediction of a record; NaN where this runs away."""
+@dataclass(frozen=True)
+class Band:
+    """The band about a prediction.
+
+    Attributes
+    ----------
+    half_width : dict of str to (n,) array
+        Of each channel of which the model tells; NaN where the prediction runs away.
+    ran_away : int
+        Models drawn for it that run away, which it leaves out (`auvident.engines.falling`).
+    """
+
+    half_width: dict[str, Array]
+    ran_away: int = 0
+
+
+def band_of(model: IdentifiedModel, record: Record, dt_s: float) -> Band:
+    """The band about the prediction of a record."""
     if model.left_out is None:
-        return {}
+        return Band({})
     frame, p = frame_of(model, dt_s), vector_behind(model)
     found = parameter_variance(frame, p, record, *free_behind(model))
     lost = np.full(len(record), np.nan)
     variance = found or dict.fromkeys(growths(model.plane), lost)
-    pushes = pushes_behind(model)
+    pushes, ran_away = pushes_behind(model), 0
     if found and pushes:
-        fallen = fallen_variance(frame, p, record, *free_behind(model), pushes)
-        variance = at_least(found, fallen)
-    return half_widths(model, variance, record.time_s - record.time_s[0])
+        fallen = fallen_models(frame, p, record, *free_behind(model), pushes)
+        variance, ran_away = at_least(found, fallen.variance), fallen.ran_away
+    return Band(half_widths(model, variance, record.time_s - record.time_s[0]), ran_away)
 
 
 def pushes_behind(model: IdentifiedModel) -> PushesAlong | None:

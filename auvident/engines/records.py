@@ -1,6 +1,6 @@
 """From tables on one clock to the arrays of a filter pass or a simulation."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -33,6 +33,7 @@ __all__ = [
 # inputs before a maneuver, for what remembers them: lags and delays
 LEAD_IN_S: VehicleTime = 20.0
 NORTH = "north"  # what a logged heading counts from
+BOW = "bow of {}"  # what another one does: no trial is so called that it passes for `NORTH`
 HEADING, ANGLE = "heading_rad", 3  # the angle of the horizontal plane, and its place
 AUXILIARY = ("p_radps", "q_radps", "roll_rad", "pitch_rad", "depth_m", HEADING)
 START_BEFORE_S: VehicleTime = 1.0  # window of the line that gives the state at the start ...
@@ -74,8 +75,8 @@ class Source:
     heading : (n,) array or None
         Zero where not logged. None in the horizontal plane, where it is a reading.
     frame : str
-        What the heading counts from: `NORTH`, or where it is not logged the bow at the start of
-        the trial, by its name; of the maneuver where the yaw rate has gaps.
+        What the heading counts from: `NORTH`, or where it is not logged the bow (`BOW`) at the
+        start of the trial; of the maneuver where the yaw rate has gaps.
     """
 
     raw: Array
@@ -139,12 +140,10 @@ def record_of(maneuver: Maneuver, trial: Trial, plane: Plane, sensor: Array) -> 
             readings[:, i] = table[column].to_numpy()[first:last]
             sampled = table[sampled_flag(column)].to_numpy()[first:last]
             measured[:, i] = np.where(sampled, readings[:, i], np.nan)
-    start, frame = _reading_at(trial, plane, int(first)), NORTH
-    if plane == "horizontal" and not trial.has_heading:
-        frame = maneuver.id
-        if trial.turned_rad is not None:
-            readings[:, ANGLE], frame = trial.turned_rad[first:last], trial.name
-            start[ANGLE] = trial.turned_rad[first]
+    start, frame = _reading_at(trial, plane, int(first)), frame_of(maneuver, trial, plane)
+    if frame != NORTH and trial.turned_rad is not None:
+        readings[:, ANGLE] = trial.turned_rad[first:last]
+        start[ANGLE] = trial.turned_rad[first]
     inverse, bridged = np.linalg.inv(sensor), np.nan_to_num(readings)
     lead = min(round(LEAD_IN_S * trial.rate_hz), int(first))
     begin, end = int(first) - lead, int(last)
@@ -174,6 +173,19 @@ def record_of(maneuver: Maneuver, trial: Trial, plane: Plane, sensor: Array) -> 
         inverse @ start,
         source,
     )
+
+
+def frame_of(maneuver: Maneuver, trial: Trial, plane: Plane) -> str:
+    """What the heading of a record counts from, see `Source.frame`."""
+    if plane == "vertical" or trial.has_heading:
+        return NORTH
+    return BOW.format(maneuver.id if trial.turned_rad is None else trial.name)
+
+
+def in_one_frame(frames: Iterable[str]) -> bool:
+    """Whether headings that are not logged can be held against each other: all from one bow."""
+    different = set(frames)
+    return len(different) == 1 and NORTH not in different
 
 
 def _speed(trial: Trial, first: int, last: int) -> Array:

@@ -274,7 +274,16 @@ def most_likely(whitened: Array, log_likelihood: float) -> float:
 
 
 def chi_square_band(freedom: float) -> tuple[float, float]:
-    """95 % band of a mean of squares with `freedom` degrees of freedom (Wilson-Hilferty)."""
-    centre, spread = 1.0 - 2.0 / (9.0 * freedom), np.sqrt(2.0 / (9.0 * freedom))
-    low, high = (centre + side * TWO_SIDED_95 * spread for side in (-1.0, 1.0))
-    return max(float(low), 0.0) ** 3, float(high) ** 3
+    """95 % band of a mean of squares with `freedom` degrees of freedom."""
+    low, high = (float(mean_square_quantile(freedom, z)) for z in (-TWO_SIDED_95, TWO_SIDED_95))
+    return max(low, 0.0), high
+
+
+def mean_square_quantile(freedom: Array | float, z: float) -> Array:
+    """Quantile of a chi-square over its degrees of freedom, from the standard normal one, z.
+
+    It is the cube of a normal variable (Wilson and Hilferty 1931), good to some percent at one
+    degree.
+    """
+    spread = 2.0 / (9.0 * np.asarray(freedom))
+    return np.asarray((1.0 - spread + z * np.sqrt(spread)) ** 3)

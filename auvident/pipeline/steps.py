@@ -4,6 +4,8 @@ Imports stand inside for speed: a command loads only what it uses.
 """
 
 from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +13,8 @@ from auvident.pipeline.given import Given
 from auvident.pipeline.observer import Observer
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from auvident.schema.artifacts import IdentifiedModel
     from auvident.schema.desk import StandardManeuvers
     from auvident.schema.diagnosis import Attempt, Comparison, UnexplainedForce
@@ -224,69 +228,101 @@ def diagnose(given: Given) -> dict[str, Any]:
     }
 
 
+@dataclass(frozen=True)
+class _Refined:
+    """A model that a refinement may end with, the history of its coefficients, its prediction."""
+
+    model: "IdentifiedModel"
+    history: "pd.DataFrame"
+    prediction: "Validation"
+
+
 def refine(given: Given) -> dict[str, Any]:
     """Add the traced effects, identify again, compare the errors of what was held out."""
     filter = given.options["filter"] or given.model.filter
     announce_compilation(given.observer, filter)
-    from auvident.schema.diagnosis import CrossValidated
-    from auvident.stages.refine import carried_of, choose, compare
-
-    before, standard = given.kept.pop((PREDICTED, given.plane), (None, None))
-    before = before or _predicted(given)
-    carried = carried_of(given.diagnosis)
-    after: _Again | None = None
-    tried: tuple[Attempt, ...] = ()
-    nothing, small = carried is None, _small_effects(given, before)
-    if not nothing or small is not None:
-        made, tried = choose(
-            carried, given.model, before, lambda c: _identified_again(given, filter, c), small
-        )
-        carried, after = (made.carried, made.found) if made else (None, None)
-    if nothing and after is None and filter != given.model.filter:
-        after = _identified_again(given, filter, None)
-    named, now = (after[0].model, after[1]) if after else (given.model, before)
-    force: UnexplainedForce | None = None
+    kept, standard = given.kept.pop((PREDICTED, given.plane), (None, None))
+    history = given.table("identify/history.parquet")
+    before = _Refined(given.model, history, kept or _predicted(given))
+    carried, named, tried = _with_effects(given, filter, before)
+    final, force = named, None
     if given.options.get("with_unexplained"):
-        stronger, force = _unexplained(given, filter, carried, named, now)
-        after = stronger or after
-    model, history = given.model, given.table("identify/history.parquet")
-    if after is not None:
-        model, history, now = after[0].model, after[0].history, after[1]
-    comparison = compare(
-        given.diagnosis,
-        given.maneuvers,
-        given.model,
-        model,
-        before.simulation,
-        now.simulation,
-        attempts=tried,
-        seed=given.seed or 0,
-        predicted=now.metrics.findings,
-        cross_validation=CrossValidated(
-            before=before.metrics.cross_validation, after=now.metrics.cross_validation
-        ),
-        force=force,
-        named=named,
-    ).model_copy(update={"coverage": now.metrics.coverage})
+        final, force = _with_force(given, filter, carried, named)
+    comparison = _compared(given, before, named, final, tried, force)
     return {
-        "refine/model.json": model,
+        "refine/model.json": final.model,
         "refine/comparison.json": comparison,
-        "refine/history.parquet": history,
-        "refine/simulation.parquet": now.simulation,
-        "refine/metrics.json": now.metrics,
-        "refine/standard.json": (after is None and standard) or _standard(given, model, now),
-        **_estimated_along(given, filter, comparison, model, now),
+        "refine/history.parquet": final.history,
+        "refine/simulation.parquet": final.prediction.simulation,
+        "refine/metrics.json": final.prediction.metrics,
+        "refine/standard.json": (final is before and standard)
+        or _standard(given, final.model, final.prediction),
+        **_estimated_along(given, filter, comparison, final.model, final.prediction),
     }
 
 
-def _small_effects(given: Given, before: "Validation") -> Any:
+def _with_effects(
+    given: Given, filter: str, before: _Refined
+) -> "tuple[Any, _Refined, tuple[Attempt, ...]]":
+    """What is carried and the model with it, the one before where that predicts better; attempts.
+
+    Another filter than that of the model before is a reason to identify again by itself.
+    """
+    from auvident.stages.refine import carried_of, choose
+
+    found, small = carried_of(given.diagnosis), _small_effects(given, before)
+    again = partial(_identified_again, given, filter)
+    made, tried = choose(found, given.model, before.prediction, again, small)
+    if made is not None:
+        return made.carried, _refined(made.found, before), tried
+    if found is None and filter != given.model.filter:
+        return None, _refined(again(None), before), tried
+    return None, before, tried
+
+
+def _refined(found: "_Again | None", before: _Refined) -> _Refined:
+    """What was identified again; the model before where nothing was."""
+    return _Refined(found[0].model, found[0].history, found[1]) if found else before
+
+
+def _compared(
+    given: Given,
+    before: _Refined,
+    named: _Refined,
+    final: _Refined,
+    tried: "tuple[Attempt, ...]",
+    force: "UnexplainedForce | None",
+) -> "Comparison":
+    """The model before beside the one that the refinement ends with."""
+    from auvident.schema.diagnosis import CrossValidated
+    from auvident.stages.refine import compare
+
+    old, new = before.prediction.metrics, final.prediction.metrics
+    return compare(
+        given.diagnosis,
+        given.maneuvers,
+        before.model,
+        final.model,
+        before.prediction.simulation,
+        final.prediction.simulation,
+        attempts=tried,
+        seed=given.seed or 0,
+        predicted=new.findings,
+        cross_validation=CrossValidated(before=old.cross_validation, after=new.cross_validation),
+        force=force,
+        named=named.model,
+    ).model_copy(update={"coverage": new.coverage})
+
+
+def _small_effects(given: Given, before: _Refined) -> Any:
     """What is tried without a claim where the identified model is far off; None: it is not."""
     from auvident.stages.refine import gives_away, unclaimed
     from auvident.stages.refine.errors import cruise_of
 
-    if not gives_away(given.diagnosis, given.maneuvers, before.simulation):
+    simulation = before.prediction.simulation
+    if not gives_away(given.diagnosis, given.maneuvers, simulation):
         return None
-    return unclaimed(given.diagnosis, given.model, cruise_of(before.simulation)[0])
+    return unclaimed(given.diagnosis, before.model, cruise_of(simulation)[0])
 
 
 def _estimated_along(
@@ -298,11 +334,12 @@ def _estimated_along(
 ) -> dict[str, Any]:
     """The model that the trial is pooled by, where the run ends with one that has less."""
     from auvident.errors import NumericsError
+    from auvident.stages.identify import headings_compare
     from auvident.stages.refine import along
     from auvident.stages.refine.errors import cruise_of
 
     claimed, (speed, _) = {e.id for e in comparison.effects}, cruise_of(prediction.simulation)
-    heading = _in_one_frame(given, model.plane)
+    heading = headings_compare(given.trials, given.maneuvers, model.plane)
     carried = along(given.diagnosis, claimed, model, speed, heading=heading)
     if carried is None:
         return {}
@@ -325,31 +362,21 @@ def _from_here(plan: "Plan") -> "Plan":
     return plan.model_copy(update={"stage": (last,), "cycles": 1})
 
 
-def _has_headings(given: Given) -> bool:
-    return any(t.has_heading for t in given.trials)
-
-
-def _in_one_frame(given: Given, plane: "Plane") -> bool:
-    """Whether headings can be held against each other: logged, or summed up of one yaw rate."""
-    alone = given.trials[0] if len(given.trials) == 1 and plane == "horizontal" else None
-    return _has_headings(given) or (alone is not None and alone.turned_rad is not None)
-
-
-def _unexplained(
-    given: Given, filter: str, carried: Any, model: "IdentifiedModel", prediction: "Validation"
-) -> "tuple[_Again | None, UnexplainedForce]":
-    """A force without a name beside what a model carries; None where it predicts nothing."""
+def _with_force(
+    given: Given, filter: str, carried: Any, named: _Refined
+) -> "tuple[_Refined, UnexplainedForce]":
+    """The model with a force without a name beside what it carries, if that predicts better."""
     from auvident.stages.refine import Base, with_unexplained
 
     nuisance = identifying_plan(given).nuisance
     made, force = with_unexplained(
-        Base.of(carried, nuisance, model, prediction),
+        Base.of(carried, nuisance, named.model, named.prediction),
         lambda c: _identified_again(given, filter, c),
         given.maneuvers,
-        heading=_has_headings(given),
+        heading=any(t.has_heading for t in given.trials),
         seed=given.seed or 0,
     )
-    return (made.found if made else None), force
+    return _refined(made.found if made else None, named), force
 
 
 def _identified_again(given: Given, filter: str, carried: Any) -> "_Again":

@@ -21,7 +21,7 @@ RAN_AWAY = "prediction-ran-away"  # code of a finding: a gate cannot be met with
 # of those on the one before.
 ON_ERRORS = ("not-predicted", "no-better", "worse-than-prior")
 ESTIMATE_CONTRADICTED = "estimate-contradicted"  # by so much that another vehicle is likely
-ON_A_MODEL = (*ON_ERRORS, "rests-on-prior")
+ON_A_MODEL = (*ON_ERRORS, "rests-on-prior", "window-ran-away", "drawn-models-run-away")
 PRIOR_WORDS = {"ASE": "the estimate from geometry (ASE)", "prior": "the given coefficients (prior)"}
 
 

@@ -20,6 +20,7 @@ from auvident.schema.artifacts import ESTIMATE_CONTRADICTED, RAN_AWAY
 from auvident.stages.diagnose.verdict.taken_up import TAKEN_UP
 from auvident.stages.ingest.checks.table import CHECKS
 from auvident.stages.ingest.remarks import FAULTS
+from auvident.stages.pool.stage import FITS_NO_OTHER
 from tests.bench.written import table
 
 PACKAGE = Path(__file__).resolve().parents[2] / "auvident"
@@ -57,11 +58,6 @@ ELSEWHERE = {
     "prior-contradicted": (
         "the data contradict the prior of a coefficient, or what the vehicle file says",
         "As the message says, by the group of the coefficient.",
-    ),
-    "trial-fits-no-other": (
-        "a trial that contradicts all others of its vehicle is left out: another vehicle, or a log "
-        "that is wrong?",
-        "As the message says.",
     ),
     "standard-not-flown": ("a standard maneuver could not be flown with the model, and why", ""),
 }
@@ -179,6 +175,14 @@ def _from_tables() -> Filled:
     return {
         "validate: RAN_AWAY": [(RAN_AWAY, "", "")],
         "refine: RAN_AWAY": [(RAN_AWAY, "", "")],
+        "pool: FITS_NO_OTHER": [
+            (
+                FITS_NO_OTHER,
+                "a trial that contradicts all others of its vehicle is left out: another vehicle, "
+                "or a log that is wrong?",
+                "As the message says.",
+            )
+        ],
         "identify: ESTIMATE_CONTRADICTED": [(ESTIMATE_CONTRADICTED, "", "")],
         "identify: 'held-out-in-part' if enough else 'held-out-within'": [
             ("held-out-in-part", "", ""),

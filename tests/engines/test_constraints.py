@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from auvident.engines.constraints import OUTERMOST, by_constraint, envelope, in_units
+from auvident.constants import BEYOND_CHANCE_NATS
+from auvident.engines.constraints import OUTERMOST, by_constraint, envelope, in_units, states_at
 from auvident.engines.estimator import Task, free_positions, kept_inside, run_stage, task_of
 from auvident.engines.setup import Setup
 from auvident.estimation.inequalities import nearest
 from auvident.physics.consistency import Constraints, hull_power
-from auvident.stages.identify.result import BEYOND_CHANCE, _constraint_findings, _constraints
+from auvident.stages.identify.result import _constraint_findings
 from tests.engines.chain import identified, setup_of
 from tests.engines.test_estimator import linear_setup, stage
 
@@ -111,6 +112,12 @@ def test_the_envelope_is_made_of_what_was_flown_and_of_no_stray_reading() -> Non
     assert envelope([]).shape == (0, 3)
 
 
+def test_port_and_starboard_have_one_envelope() -> None:
+    records = [r for _, r in setup_of().records.values()]
+    mirrored = [replace(r, given=r.given * np.array([1.0, -1.0, -1.0, 1.0])) for r in records]
+    np.testing.assert_array_equal(envelope(mirrored), envelope(records))
+
+
 def test_slopes_in_units_of_a_fit_go_with_what_follows() -> None:
     setup = setup_of()
     free = setup.free(np.array([setup.structure.index(s) for s in ("Y_rdot", "N_rdot")]))
@@ -134,6 +141,13 @@ def test_costs_of_the_rows_of_a_constraint_are_added() -> None:
     assert by_constraint(rows, np.array([1.0, 2.0, 3.0])) == {"a": 4.0, "b": 2.0}
 
 
+def test_of_a_constraint_at_several_states_the_worst_is_told() -> None:
+    rows = Constraints(("a", "b", "a"), np.array([[1.0], [2.0], [-3.0]]))
+    a, b = states_at(rows, np.array([2.0]), {"a": 5.0})
+    assert (a.id, a.value, a.active, a.cost_nats) == ("a", -6.0, True, 5.0)
+    assert (b.id, b.value, b.active, b.cost_nats) == ("b", 4.0, False, 0.0)
+
+
 def test_a_model_says_where_it_stands_to_every_constraint() -> None:
     model = identified("harbour_trial").model
     assert {row.id for row in model.constraints} == set(setup_of().constraints.ids)
@@ -146,9 +160,9 @@ def test_a_model_says_where_it_stands_to_every_constraint() -> None:
 def test_what_a_constraint_costs_beyond_chance_is_a_finding() -> None:
     setup = setup_of()
     outcome = run_stage(setup, setup.prior, stage())
-    for cost, told in ((0.9 * BEYOND_CHANCE, 0), (34.0, 1)):
-        priced = replace(outcome, prices={"lateral_added_mass": cost})
-        found = _constraint_findings(_constraints(setup, priced))
+    for cost, told in ((0.9 * BEYOND_CHANCE_NATS, 0), (34.0, 1)):
+        costs = {"lateral_added_mass": cost}
+        found = _constraint_findings(states_at(setup.constraints, outcome.parameters, costs))
         assert len(found) == told
     assert found[0].where == "lateral_added_mass"
     assert "added inertia of the wrong sign (cost 34 nats): a delay" in found[0].message

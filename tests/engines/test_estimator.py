@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from auvident.engines import estimator
+from auvident.engines import noise as noise_module
 from auvident.engines.carried import allowed
 from auvident.engines.estimator import (
     data_information,
@@ -208,6 +209,18 @@ def test_a_prediction_that_ran_away_is_far_out_but_finite() -> None:
     spread = np.nanstd(np.concatenate([r.measured for r in records])[:, 0])
     assert np.isfinite(noise).all()
     assert noise[0] > 5 * spread
+
+
+def test_readings_after_a_prediction_ran_away_count_as_ten_times_their_spread(monkeypatch) -> None:
+    setup = setup_of()
+    (record, *_) = stage_records(setup, stage())
+    lost = np.full((len(record), 4), np.nan)
+    monkeypatch.setattr(noise_module, "predicted", lambda *_: lost)
+    found = noise_at(setup, setup.prior, [record], active_states("coupled", "horizontal"))
+    read = record.measured[np.isfinite(record.measured[:, 0]), 0]
+    off = noise_module.ESCAPED * np.full(len(read), read.std())
+    longest = round(noise_module.LONGEST_CORRELATION_S / setup.dt_s)
+    assert found[0] == pytest.approx(off[0] * np.sqrt(correlation_time(off, longest)))
 
 
 def test_readings_count_by_what_is_left_from_the_line_or_from_the_starts_of_the_fit() -> None:

@@ -7,8 +7,9 @@ import pytest
 
 from auvident.engines.carried import frame_of, free_behind, vector_behind
 from auvident.engines.falling import (
+    MEMBERS,
     PushesAlong,
-    fallen_variance,
+    fallen_models,
     growth_of_push,
     hardly_keeps_course,
     pushes_of,
@@ -98,7 +99,9 @@ def test_models_drawn_spread_as_the_covariance_says_where_the_course_is_kept() -
     frame, p, record = harbour()
     free, covariance = free_behind(identified("harbour_trial").model)
     linear = parameter_variance(frame, p, record, free, covariance)
-    drawn = fallen_variance(frame, p, record, free, covariance, NO_PUSH)
+    found = fallen_models(frame, p, record, free, covariance, NO_PUSH)
+    drawn = found.variance
+    assert found.ran_away == 0
     assert set(drawn) == set(linear)
     for name, variance in drawn.items():  # 64 draws: 18 % of the mean square
         assert np.mean(variance) == pytest.approx(np.mean(linear[name]), rel=0.5), name
@@ -113,10 +116,22 @@ def test_a_hull_that_may_fall_to_either_side_is_off_by_the_way_to_the_other() ->
     turning = simulated(frame, p, at_effects(frame, p, record), ALL_STATES)[-1, 2]
     assert abs(turning) > 0.3
     pushes = PushesAlong(np.array([0.0, 1.0e-3, 1.0e-3, 0.0]), LENGTH_M)
-    found = fallen_variance(frame, p, record, free, 1.0e-6 * covariance, pushes)
+    found = fallen_models(frame, p, record, free, 1.0e-6 * covariance, pushes).variance
     other = 2.0 * abs(turning)
     assert 0.3 < found["r"][-1] / other**2 < 0.7  # 64 coins: 0.5 +- 0.06
     assert found["r"][0] < 1.0e-5
+
+
+def test_models_that_run_away_are_counted_and_the_spread_is_that_of_the_others() -> None:
+    """With a hundred times the covariance most diverge, and the others spread no further."""
+    frame, p = unstable()
+    record = amidships(harbour()[2])
+    free, covariance = free_behind(identified("harbour_trial").model)
+    pushes = PushesAlong(np.array([0.0, 1.0e-3, 1.0e-3, 0.0]), LENGTH_M)
+    with np.errstate(all="ignore"):
+        found = fallen_models(frame, p, record, free, 100.0 * covariance, pushes)
+    assert 0.3 * MEMBERS < found.ran_away < MEMBERS
+    assert all(np.isfinite(variance).all() for variance in found.variance.values())
 
 
 def test_the_band_of_a_hull_that_may_fall_reaches_the_other_side() -> None:
@@ -125,7 +140,8 @@ def test_the_band_of_a_hull_that_may_fall_reaches_the_other_side() -> None:
     assert model.left_out is not None and model.left_out.push == {}
     told = model.left_out.model_copy(update={"push": {"v": 0.01, "r": 0.01}})
     usual, pushed = (
-        band_of(m, record, dt_s) for m in (model, model.model_copy(update={"left_out": told}))
+        band_of(m, record, dt_s).half_width
+        for m in (model, model.model_copy(update={"left_out": told}))
     )
     assert all((pushed[name] >= usual[name]).all() for name in usual)
     assert pushed["r"].mean() > usual["r"].mean()

@@ -72,6 +72,15 @@ def test_model_error_and_factor_of_drawn_errors() -> None:
     assert found["track"].std == pytest.approx(0.02, rel=0.3)  # 60 drifts: 9 %, three times that
 
 
+def test_one_maneuver_more_scatters_about_the_mean_of_those_left_out() -> None:
+    """Errors of one everywhere: the factor is that of a prediction from the mean of four, alone."""
+    unread = {name: np.full(50, np.nan) for name in ("u", "r", "heading", "track")}
+    error, variance = unread | {"v": np.ones(50)}, unread | {"v": np.zeros(50)}
+    four = [LeftOutCourse("made", np.arange(50.0), error, variance, {})] * 4
+    found = errors_of(four, "horizontal", {}, 0)["v"]
+    assert (found.std, found.factor) == pytest.approx((1.0, np.sqrt(1.25)))
+
+
 def test_a_band_from_few_maneuvers_holds_what_comes_in_the_mean() -> None:
     rng, inside = np.random.default_rng(6), []
     for _ in range(60):

@@ -8,6 +8,7 @@ from auvident.engines.carried import Carried
 from auvident.engines.estimator import run_stage
 from auvident.engines.noise import white
 from auvident.engines.profile import MOVES, _crossing, profile_of
+from auvident.engines.setup import Setup
 from auvident.schema.artifacts import ProfileInterval
 from auvident.schema.effects import BY_ID, parameter_of
 from auvident.stages.identify.profiles import _finding, _shown, profiles_of
@@ -37,6 +38,18 @@ def test_the_profile_of_a_linear_problem_is_its_gaussian(steady_noise) -> None:
         np.testing.assert_allclose(profile.values, profile.best + std * np.array(moves), rtol=1e-9)
         assert profile.high - profile.best == pytest.approx(1.96 * std, rel=0.02)
         assert profile.best - profile.low == pytest.approx(1.96 * std, rel=0.02)
+
+
+def test_an_interval_ends_at_the_bound_of_its_parameter(steady_noise, monkeypatch) -> None:
+    setup, how = linear_setup(), stage(**EVERY)
+    found = run_stage(setup, setup.prior, how)
+    std = np.sqrt(found.covariance[0, 0]) * setup.prior_std[found.free[0]]
+    low, high = setup.bounds(found.free)
+    low[0] = found.parameters[found.free[0]] - 1.5 * std
+    monkeypatch.setattr(Setup, "bounds", lambda self, positions: (low, high))
+    profile = profile_of(setup, found, how, 0)
+    assert profile.low == low[0]
+    assert profile.high - profile.best == pytest.approx(1.96 * std, rel=0.02)
 
 
 def test_ends_lie_on_the_lines_between_the_points() -> None:

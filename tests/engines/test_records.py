@@ -10,6 +10,8 @@ from auvident.engines.records import (
     CONTROL_COLUMNS,
     NORTH,
     STATE_COLUMNS,
+    frame_of,
+    in_one_frame,
     record_of,
     sensor_matrix,
 )
@@ -239,7 +241,7 @@ def test_where_no_heading_is_logged_the_yaw_rate_is_summed_up() -> None:
     np.testing.assert_allclose(record.given[:, 3], np.sin(seconds[50:100]), atol=1e-3)
     assert record.start[3] == pytest.approx(np.sin(5.0), abs=1e-3)
     assert np.isnan(record.measured[:, 3]).all()  # nothing to be compared with
-    assert record.source is not None and record.source.frame == "t"
+    assert record.source is not None and record.source.frame == "bow of t"
 
 
 def test_a_logged_heading_is_taken_as_it_is() -> None:
@@ -247,6 +249,19 @@ def test_a_logged_heading_is_taken_as_it_is() -> None:
     record = record_of(maneuver(55.0, 60.0), logged, "horizontal", np.eye(4))
     np.testing.assert_array_equal(record.given[:, 3], logged.table["heading_rad"][50:100])
     assert record.source is not None and record.source.frame == NORTH
+
+
+def test_a_trial_that_is_called_north_has_no_compass_for_that() -> None:
+    called = Trial("north", without_compass(0.1).table, RATE)
+    frame = frame_of(maneuver(55.0, 60.0), called, "horizontal")
+    assert frame != NORTH and in_one_frame([frame])
+
+
+def test_headings_that_are_not_logged_compare_where_all_count_from_one_bow() -> None:
+    assert in_one_frame(["bow of t", "bow of t"])
+    assert not in_one_frame(["bow of t", "bow of s"])
+    assert not in_one_frame([NORTH, "bow of t"])
+    assert not in_one_frame([NORTH]) and not in_one_frame([])  # logged, or no maneuver
 
 
 @pytest.mark.parametrize(("lost", "known"), [(15, True), (25, False)])
@@ -257,7 +272,7 @@ def test_a_gap_is_bridged_by_a_line_where_it_is_short(lost, known) -> None:
     assert (found.turned_rad is not None) == known
     record = record_of(maneuver(60.0, 65.0), found, "horizontal", np.eye(4))
     assert record.source is not None
-    assert record.source.frame == ("t" if known else "t-turn-1")
+    assert record.source.frame == ("bow of t" if known else "bow of t-turn-1")
     if known:
         assert found.turned_rad[-1] == pytest.approx(19.9, abs=1e-9)
     else:

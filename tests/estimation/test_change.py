@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from auvident.estimation.change import Scattering, search, search_from, series_along
+from auvident.estimation.change import DRAWS, Scattering, search, search_from, series_along
 from auvident.estimation.pooling import TrialData, between_neighbours
 
 N = 4
@@ -55,6 +55,12 @@ def test_a_step_is_found_with_its_trial_and_its_size(size: float) -> None:
         assert found.p < 0.01
         squares.append(((found.size - size) / found.std) ** 2)
     assert np.mean(squares) < 2.0
+
+
+def test_what_no_drawn_series_reaches_has_the_least_probability_and_not_none() -> None:
+    rng = np.random.default_rng(7)
+    (found,) = looked(series(rng, 16, lambda k: 5.0 * (k >= 9) * np.eye(N)[0]), rng).found
+    assert found.p == 1.0 / (1 + DRAWS)
 
 
 def test_a_drift_is_told_from_a_step() -> None:

@@ -73,6 +73,15 @@ def test_the_unit_and_the_prior_of_each_trial_do_not_matter() -> None:
         assert a.score == pytest.approx(b.score, rel=1e-8, abs=1e-10)
 
 
+def test_from_where_parameters_count_does_not_matter() -> None:
+    """The same posterior about another origin: the prior's mean moves along, the data do not."""
+    covariance, shift = np.array([[0.3, 0.1], [0.1, 0.2]]), np.array([5.0, -2.0])
+    there = told_by(np.array([1.0, 2.0]) + shift, covariance, shift, np.ones(2))
+    here = told_by(np.array([1.0, 2.0]), covariance, np.zeros(2), np.ones(2))
+    assert there.information == pytest.approx(here.information)
+    assert there.score == pytest.approx(here.score + here.information @ shift)
+
+
 def test_a_posterior_wider_than_its_prior_counts_as_no_data_and_is_told() -> None:
     covariance = np.diag([0.5, 1.25])
     found = told_by(np.array([1.0, 2.0]), covariance, np.zeros(2), np.ones(2))
@@ -145,6 +154,15 @@ def test_scatter_between_trials_is_found_where_it_is() -> None:
         near.append(between_neighbours(own))
     assert np.mean(found, axis=0) == pytest.approx(scatter, abs=0.1)
     assert np.mean(near, axis=0) == pytest.approx(scatter, abs=0.15)
+
+
+def test_one_parameter_that_scatters_is_seen_among_many_that_do_not() -> None:
+    """Twenty agree to the last digit, so that all together scatter less than chance has them."""
+    information, away = 100.0 * np.eye(20), 0.4 * np.eye(20)[0]
+    own = [TrialData(information, information @ (side * away)) for side in (-1.0, 0.0, 1.0)]
+    assert agreement(own).p > 0.5 and agreements(own)[0].p < 1.0e-4
+    between = between_trials(own)
+    assert between[0] > 0.05 and not between[1:].any()
 
 
 def test_neighbours_do_not_take_a_step_for_scatter() -> None:

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from auvident.engines.flown import beyond_in_turn
+from auvident.engines.predictive import Band
 from auvident.engines.records import Record
 from auvident.report.held_out_words import beyond
 from auvident.schema.artifacts import Maneuver, Maneuvers
 from auvident.stages.validate.horizons import windows_of
-from auvident.stages.validate.stage import windows_lost
+from auvident.stages.validate.stage import drawn_lost, windows_lost
 from tests.engines.chain import sample, validated
 
 
@@ -56,6 +57,15 @@ def test_windows_cover_the_held_out_maneuvers_and_leave_the_rest() -> None:
     ]
 
 
+def test_a_maneuver_of_just_three_windows_has_three_of_them() -> None:
+    """16.4 - 1.4 is less than 15 in the last digit of a binary number."""
+    parts = {"trial": "t", "kind": "turn", "plane": "horizontal", "planes": ("horizontal",)}
+    start = 14 * 0.1
+    held = Maneuver(id="a", t_start_s=start, t_end_s=16.4, role="validate", **parts)
+    assert held.t_end_s - held.t_start_s < 15.0
+    assert len(windows_of(Maneuvers(maneuvers=(held,)), 5.0).maneuvers) == 3
+
+
 def test_a_short_horizon_has_the_smaller_error_of_what_adds_up() -> None:
     metrics = validated("harbour_trial").metrics
     free, (short, long) = metrics.summary["validate"], metrics.horizons.values()
@@ -77,3 +87,10 @@ def test_windows_whose_prediction_diverges_are_told() -> None:
     (finding,) = windows_lost({"5": [good] * 9, "20": [good, lost, good]})
     assert (finding.code, finding.where, finding.value) == ("window-ran-away", "20 s", 1.0)
     assert finding.message.startswith("the prediction diverges in 1 of 3 windows")
+
+
+def test_models_drawn_for_a_band_that_diverge_are_told() -> None:
+    two = [SimpleNamespace(maneuver=SimpleNamespace(id=name)) for name in ("turn", "zigzag")]
+    (finding,) = drawn_lost(two, [Band({}), Band({}, ran_away=39)])
+    assert (finding.code, finding.where, finding.value) == ("drawn-models-run-away", "zigzag", 39.0)
+    assert finding.message.startswith("39 of 64 models drawn for the band diverge")

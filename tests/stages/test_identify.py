@@ -11,12 +11,13 @@ from auvident.engines.records import LEAD_IN_S
 from auvident.errors import InputError, NumericsError
 from auvident.estimation.identifiability import Direction
 from auvident.pipeline.steps import DEFAULT_PLAN
-from auvident.schema.artifacts import AseResult, IdentifiedModel
+from auvident.schema.artifacts import AseResult, IdentifiedModel, Maneuvers
 from auvident.schema.channels import BY_COLUMN
 from auvident.schema.coefficients import BY_SYMBOL, expand, prime_unit, symbols_of
 from auvident.schema.plan import Plan
 from auvident.schema.planes import BY_PLANE
 from auvident.schema.trial import Trial
+from auvident.stages.identify import headings_compare
 from auvident.stages.identify import stage as stage_module
 from auvident.stages.identify.result import _combination
 from auvident.stages.identify.setup import prepare, sensing_of
@@ -239,6 +240,20 @@ def test_without_a_maneuver_of_the_plane_there_is_an_error() -> None:
     c = sample("harbour_trial")
     with pytest.raises(NumericsError, match="vertical-plane"):
         c.identify("vertical", maneuvers=only({"turn", "zigzag"}))
+
+
+def test_headings_compare_where_what_identifies_counts_from_one_bow() -> None:
+    """As in the diagnosis: a second trial of which nothing identifies has no part in it."""
+    c = sample("harbour_trial")
+    assert headings_compare(c.trials, c.maneuvers, "horizontal")  # logged
+    table = c.trials[0].table.drop(columns="heading_rad")
+    trial, second = Trial("t", table, c.trials[0].rate_hz), Trial("s", table, c.trials[0].rate_hz)
+    turn = next(m for m in c.maneuvers.maneuvers if m.role == "identify" and m.kind == "turn")
+    own, other = (turn.model_copy(update={"trial": name, "id": name}) for name in "ts")
+    one, both = Maneuvers(maneuvers=(own,)), Maneuvers(maneuvers=(own, other))
+    assert headings_compare([trial, second], one, "horizontal")
+    assert not headings_compare([trial, second], both, "horizontal")
+    assert not headings_compare([trial], one, "vertical")
 
 
 @pytest.mark.parametrize("lacking", ["elevator_rad", "w_mps"])

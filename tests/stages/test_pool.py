@@ -3,23 +3,33 @@
 import json
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.linalg import block_diag
 
-from auvident.engines.carried import claimed_covariance, fitted_covariance, vector_behind
+from auvident.engines.carried import (
+    claimed_covariance,
+    fitted_covariance,
+    internal_values,
+    vector_behind,
+)
 from auvident.engines.predictive import pushes_behind
 from auvident.errors import InputError
-from auvident.estimation.pooling import pooled
+from auvident.estimation.change import FoundChange
+from auvident.estimation.pooling import Pooled, TrialData, pooled
 from auvident.report.figures_campaign import over_trials
 from auvident.report.tables_campaign import changes as changes_table
 from auvident.schema.artifacts import IdentifiedModel
-from auvident.schema.effects import BY_ID, EFFECTS
+from auvident.schema.effects import BY_ID, EFFECTS, parameter_of
 from auvident.stages.pool import PoolResult, PoolTrial, changes_of, pool
 from auvident.stages.pool.carry import about_common, carrier, map_of
-from auvident.stages.pool.changes import model_value, of_shares, quantities
-from auvident.stages.pool.collect import collect
+from auvident.stages.pool.changes import _Teller, model_value, of_shares, quantities
+from auvident.stages.pool.collect import collect, refuse_others
+from auvident.stages.pool.model import Together, model_of_all
+from auvident.stages.pool.stage import strangers
+from auvident.stages.pool.structural import structural_covariance
 from tests.bench import pool as bench
 from tests.session import once
 
@@ -151,6 +161,18 @@ def test_a_hull_that_hardly_keeps_its_course_is_pushed_in_the_pooled_model_too()
     assert pushes.std == pytest.approx([0.0, rms, 2.0 * rms, 0.0])
 
 
+def test_a_channel_that_the_first_trial_did_not_measure_is_pooled_of_the_others() -> None:
+    own = models()[:3]
+    left = own[0].left_out
+    assert left is not None and {"u", "v"} <= set(left.spread)
+    without_v = {name: s for name, s in left.spread.items() if name != "v"}
+    own[0] = own[0].model_copy(update={"left_out": left.model_copy(update={"spread": without_v})})
+    found = pool(trials(own)).model.left_out
+    assert found is not None
+    others = [m.left_out.spread["v"] for m in own[1:] if m.left_out is not None]
+    assert found.spread["v"] == pytest.approx(np.sqrt(np.mean(np.square(others))))
+
+
 def test_a_scatter_of_zero_is_not_told_as_one_that_the_claim_contains() -> None:
     first, second = models()[:2]
     rows = (
@@ -203,6 +225,89 @@ def test_a_trial_of_another_vehicle_is_named_and_left_out() -> None:
     kept = pool(rows, keep=True).model
     assert all(t.used for t in kept.pooling.trials)
     assert kept.pooling.p < 1e-6
+
+
+def test_an_estimate_much_more_certain_than_that_of_the_others_is_of_another_vehicle() -> None:
+    first, second = models()[:2]
+    (row, *rest) = second.coefficients
+    for factor in (1.4, 1.0 / 1.4):
+        wider = row.model_copy(update={"prior_std": factor * row.prior_std})
+        refuse_others(trials([first, second.model_copy(update={"coefficients": (wider, *rest)})]))
+    for factor in (1.6, 1.0 / 1.6):
+        wider = row.model_copy(update={"prior_std": factor * row.prior_std})
+        with pytest.raises(InputError, match=f"its prior of {row.symbol} is "):
+            other = second.model_copy(update={"coefficients": (wider, *rest)})
+            refuse_others(trials([first, other]))
+
+
+def test_what_all_coefficients_scatter_together_is_not_counted_for_one_of_them_again() -> None:
+    """Squares three times those of noise: two parts of the noise are in what all have."""
+    claim = SimpleNamespace(ratio=3.0, freedom=100.0)
+    blind = TrialData(np.zeros((1, 1)), np.zeros(1))  # so that nothing else is added here
+    data = SimpleNamespace(
+        trials=[SimpleNamespace(model=SimpleNamespace(noise_claim=claim))] * 3,
+        told=(blind,) * 3,
+        widened=np.full((3, 1), 0.5),
+        widened_variance=np.array([0.5]),
+        expected=np.full((3, 1), 0.1),
+    )
+    found = structural_covariance(data, Pooled(np.zeros(1), np.eye(1)), np.zeros(1))
+    assert found == pytest.approx(np.array([[0.5 - 2.0 * 0.1]]))
+
+
+def test_no_parameter_is_known_worse_than_its_prior_whatever_the_equations_lack() -> None:
+    found = Pooled(np.zeros(2), np.diag([0.5, 0.5]))
+    together = Together(collect(trials(models()[:1])), found, np.zeros(2), np.diag([1.5, 0.0]))
+    assert together.claimed == pytest.approx(np.diag([1.0, 0.5]))
+
+
+def test_an_effect_of_one_sign_is_not_pooled_to_the_other() -> None:
+    """Trials in which a lag is next to none may add up to less than none."""
+    rows = trials(models()[:2])
+    data, pooling = collect(rows), pool(rows).model.pooling
+    found = pooled(data.told, np.zeros(len(data.names)), np.ones(len(data.names)))
+    i = next(k for k, n in enumerate(data.names) if "." in n and parameter_of(n).low == 0.0)
+    mean = found.mean.copy()
+    mean[i] = -data.origin[i] / data.unit[i] - 0.5
+    nothing = np.zeros(len(mean))
+    together = Together(data, Pooled(mean, found.covariance), nothing, np.diag(nothing))
+    effects = model_of_all(together, pooling, ()).effects
+    assert internal_values(effects)[data.names[i]] == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(("kind", "share"), [("step", 2.0 / 8.0), ("drift", 2.0 / 7.0)])
+def test_a_share_is_one_of_the_value_before_the_change(kind, share) -> None:
+    """Of a pooled 10: 8 before a step of 2, or 8 amid a drift by 2 that began at 7."""
+    data = SimpleNamespace(names=("Y_uud",), unit=np.array([4.0]))
+    teller = _Teller(data, (), np.array([10.0]), np.array([8.0]), dated=False)
+    found = FoundChange(kind, 0, 1, (1, 1), 0.2, 0.02, 9.0, 0.001, ())
+    size, std = teller._of_before(found, 0.2, 0.02)
+    assert size == pytest.approx(share)
+    change = 1.0e-6  # the standard deviation goes with the slope
+    more, _ = teller._of_before(found, 0.2 + change, 0.02)
+    assert std == pytest.approx(0.02 * (more - size) / change, rel=1e-4)
+
+
+def strangers_among(*estimates: np.ndarray) -> set[int]:
+    """Trials that fit no other, of such as know every parameter to a tenth of its prior."""
+    information = 100.0 * np.eye(len(estimates[0]))
+    told = tuple(TrialData(information, information @ estimate) for estimate in estimates)
+    return set(strangers(SimpleNamespace(told=told), range(len(told))))
+
+
+def test_a_last_trial_that_differs_in_one_parameter_stays_as_the_vehicle_may_have_changed() -> None:
+    same, other = np.zeros(10), 3.0 * np.eye(10)[0]
+    assert strangers_among(same, other, same, same, same) == {1}
+    assert strangers_among(same, same, same, same, other) == set()
+    assert strangers_among(same, same, same, same, other + 3.0) == {4}  # in all of them
+
+
+def test_a_trial_a_little_farther_than_chance_stays() -> None:
+    """Of 120 parameters chance makes 180 squares in one of five thousand; 240 are asked for."""
+    same, unit = np.zeros(120), np.sqrt(1.0 / 100.0 + 1.0 / 401.0)  # of its own and the others'
+    near, far = (np.full(120, root * unit) for root in np.sqrt((1.75, 2.25)))
+    assert strangers_among(same, near, same, same, same) == set()
+    assert strangers_among(same, far, same, same, same) == {1}
 
 
 def test_a_trial_that_is_given_twice_counts_once() -> None:

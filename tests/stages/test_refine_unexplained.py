@@ -21,7 +21,7 @@ from tests.bench.effects_trial import sail
 from tests.engines.chain import SAMPLES, Chain, chain_of, plan_named, validated
 from tests.session import once
 from tests.stages.test_refine import model
-from tests.stages.test_refine_left_out import alike, with_left_out
+from tests.stages.test_refine_left_out import alike, summary, with_left_out
 
 # a side force and a yaw moment with twice the heading, of which no effect of the program knows
 OUTSIDE = Case(1037, "remus100", "outside", ("heading_force",))
@@ -145,6 +145,15 @@ def test_too_few_maneuvers_tell_nothing_and_a_failure_is_an_attempt() -> None:
     assert [t.failed for t in force.tried] == ["", "", *["the prediction diverges"] * 2]
     made, force = tried(None, alike(v=0.5), alike(v=0.4), None)
     assert made is not None and force.spread == SPREADS[2]
+
+
+def test_it_is_not_added_where_it_loses_a_maneuver_whatever_the_others_gain() -> None:
+    half = dict.fromkeys(("u", "v", "r"), 0.5)
+    one_lost = summary(half, half, half, {})
+    made, force = tried(*[one_lost] * len(SPREADS))
+    assert made is None and all(t.ran_away for t in force.tried)
+    made, _ = tried(*[summary(*[half] * 4)] * len(SPREADS))
+    assert made is not None
 
 
 def test_its_priors_scale_with_the_vehicle_and_need_a_heading_where_they_follow_it() -> None:

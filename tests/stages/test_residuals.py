@@ -82,6 +82,16 @@ def test_a_held_out_maneuver_twice_as_noisy_shows() -> None:
     assert found["identify"]["v"].nis.mean == pytest.approx(1.0, abs=0.1)
 
 
+def test_a_maneuver_that_identifies_is_held_against_the_noise_of_the_others() -> None:
+    """Three times as noisy as they are: with a noise to which it gave a share it would be less."""
+    rng = np.random.default_rng(3)
+    quiet, loud = [compared(rng, "identify") for _ in range(2)], compared(rng, "identify", 3.0)
+    found = residuals_of([*quiet, loud], "horizontal", 0.1, SENSORS)["identify"]["v"]
+    assert found.noise.white_std**2 == pytest.approx((1.0 + 1.0 + 9.0) / 3.0, rel=0.1)
+    # one of the quiet ones is held against 1 and 9, the loud one against 1 alone
+    assert found.nis.mean == pytest.approx((1.0 / 5.0 + 1.0 / 5.0 + 9.0) / 3.0, rel=0.15)
+
+
 # --- what the identification says of itself ------------------------------------------------
 
 

@@ -10,10 +10,13 @@ import pytest
 
 from auvident.engines.records import STATE_COLUMNS, Record, sensor_matrix
 from auvident.physics.dynamics import simulate_states
+from auvident.physics.maneuvers import zigzag_figures
 from auvident.physics.terms import parameter_vector, structure_of
+from auvident.physics.virtual import run_virtual, zigzag_helm
 from auvident.schema.artifacts import IdentifiedModel, Maneuver, Maneuvers, Metrics, Sensing
 from auvident.schema.trial import Trial
 from auvident.stages.validate import Prediction, compare, tracks, validate
+from auvident.stages.validate.stage import virtual_zigzag
 from tests.engines.chain import identified, sample, validated
 
 # --- metrics -------------------------------------------------------------------------------
@@ -213,6 +216,36 @@ def test_figures_of_the_true_model_are_the_measured_ones() -> None:
     assert turn["simulated"] == pytest.approx(turn["measured"], rel=1e-4)
     assert zigzag["simulated"] == pytest.approx(zigzag["measured"], rel=1e-4)
     assert by_kind["turn"].zigzag is None and by_kind["zigzag"].turn is None
+
+
+@pytest.mark.parametrize("first", [-1.0, 1.0])
+def test_a_zigzag_with_the_helm_of_the_model_is_the_one_that_it_repeats(first) -> None:
+    """It turns already at first, so that the side which it is steered to matters."""
+    model, angle, slew = base(), math.radians(10.0), math.radians(20.0)
+    structure = structure_of(model.plane)
+    p = parameter_vector(model.plane, model.values(), model.rigid_body)
+    start, helm = np.array([1.5, 0.0, 0.04, 0.3]), zigzag_helm(first * angle, angle)
+    run = run_virtual(structure, p, start, 15.0, 60.0, helm, rate_limit_radps=slew)
+    record = Record("z", run.time_s, run.inputs, run.states, run.states, start)
+    maneuver = maneuvers().maneuvers[0]
+    found = virtual_zigzag(
+        Prediction(maneuver, record, run.states, run.states, run.states), structure, p
+    )
+    expected = zigzag_figures(run.time_s, run.states[:, 3], run.inputs[:, 0])
+    # a reversal is seen when the rudder has moved by a tenth: the switching angle is half a degree
+    # too large, and the one that is repeated with it as much again
+    for name in ("time_to_second_execute_s", "time_to_check_yaw_s", "period_s", "reach_s"):
+        assert found[name] == pytest.approx(expected[name], abs=0.35), name
+    for name in ("rudder_deg", "switch_deg", "overshoot_1_deg", "overshoot_2_deg"):
+        assert found[name] == pytest.approx(expected[name], rel=0.06), name
+
+
+def test_a_zigzag_without_a_reversal_has_no_figures_to_repeat() -> None:
+    model, n = base(), 100
+    states = circling(1.5, 0.0, 0.1, n, 0.0, 0.1)
+    p = parameter_vector(model.plane, model.values(), model.rigid_body)
+    held = prediction(states, states)
+    assert virtual_zigzag(held, structure_of(model.plane), p) == {}
 
 
 def test_without_a_compass_the_gyro_is_integrated() -> None:

@@ -4,6 +4,7 @@ import pytest
 
 from auvident.schema.artifacts import Finding, IdentifiedModel, Metrics
 from auvident.stages.validate import validate
+from auvident.stages.validate.findings import WORSE, findings_of
 from tests.stages.test_validate import base, changed, maneuvers, sailed
 
 ESTIMATE, GIVEN = "the estimate from geometry (ASE)", "the given coefficients (prior)"
@@ -57,13 +58,38 @@ def test_data_that_made_a_channel_worse_are_called_so() -> None:
     assert f"{words} {GIVEN}" in {f.message for f in given.findings}
 
 
+def test_where_the_prior_did_not_predict_the_same_maneuvers_nothing_pooled_is_compared() -> None:
+    model = changed(true_prior(), X_uu=0.8 * base().values()["X_uu"])
+    metrics = metrics_of(model)
+    assert metrics.ase is not None
+    others = metrics.ase.model_copy(update={"maneuvers": ()})
+    found = findings_of(metrics.model_copy(update={"ase": others}), model)
+    assert "no-better" not in {f.code for f in found}
+    assert "no-better" in {f.code for f in findings_of(metrics, model)}
+
+
 def test_single_maneuvers_that_are_predicted_worse_are_named_with_their_channels() -> None:
     metrics = metrics_of(changed(true_prior(), X_uu=0.8 * base().values()["X_uu"]))
     (found,) = said(metrics, "worse-than-prior")
     assert found.where.startswith("made-turn-1 (u")  # the zigzag identifies
-    assert found.value < found.threshold == 1.0 and found.remedy
+    assert found.value > found.threshold == WORSE and found.remedy
+    after, before = (
+        next(m for m in x.maneuvers if m.role == "validate").channels["u"]
+        for x in (metrics, metrics.ase)
+    )
+    pooled = metrics.summary["validate"]["u"]
+    excess = (after.rmse**2 - before.rmse**2) ** 0.5
+    assert found.value >= excess * pooled.nrmse / pooled.rmse > WORSE
     assert found.message == ("predicted worse than with " + ESTIMATE)
     assert "their" not in found.remedy  # of one maneuver, often of one channel
+
+
+def test_what_is_worse_by_little_of_what_the_channel_varies_by_is_no_finding() -> None:
+    metrics = metrics_of(changed(true_prior(), X_uu=0.998 * base().values()["X_uu"]))
+    (after,) = (m.channels["u"] for m in metrics.maneuvers if m.role == "validate")
+    assert metrics.ase is not None
+    (before,) = (m.channels["u"] for m in metrics.ase.maneuvers if m.role == "validate")
+    assert after.rmse > before.rmse and not said(metrics, "worse-than-prior")
 
 
 def test_a_model_better_than_its_prior_has_no_such_finding() -> None:

@@ -8,8 +8,9 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from auvident.constants import NORMAL_95, NOT_MOVED
+from auvident.constants import BEYOND_CHANCE_NATS, NOT_MOVED
 from auvident.engines.carried import Carried, effect_rows
+from auvident.engines.constraints import states_at
 from auvident.engines.flown import range_of
 from auvident.engines.free_run import NOTHING
 from auvident.engines.jackknife import Scatter, structural_covariance
@@ -57,8 +58,6 @@ CORRELATED = 0.95
 RESTS_ON_FILE = "rests on the vehicle file"
 # scatter between maneuvers, where it is beyond chance, over the filter's own standard deviation
 DISAGREE = 2.0
-# [nats] the likelihood ratio of a parameter of no effect stays below in 19 of 20 cases (Wilks 1938)
-BEYOND_CHANCE = 0.5 * NORMAL_95**2
 
 
 @dataclass(frozen=True)
@@ -99,7 +98,7 @@ def model_of(
     rows = tuple(_widened(row, final, structure, setup.followers, scatter, widen) for row in found)
     symbols = setup.names(final.free)
     records = tuple(_stage_record(setup, step) for step in done)
-    constraints = _constraints(setup, final)
+    constraints = states_at(setup.constraints, final.parameters, final.prices)
     return IdentifiedModel(
         vehicle=vehicle.body.name,
         plane=plane,
@@ -128,19 +127,6 @@ def model_of(
     )
 
 
-def _constraints(setup: Setup, final: Outcome) -> tuple[ConstraintState, ...]:
-    """Where a model stands to what physics knows; of several states flown to the worst."""
-    value, _ = setup.constraints(final.parameters)
-    least: dict[str, float] = {}
-    for name, g in zip(setup.constraints.ids, value.tolist(), strict=True):
-        least[name] = min(g, least.get(name, g))
-    costs = {name: final.prices.get(name, 0.0) for name in least}
-    return tuple(
-        ConstraintState(id=name, value=g, active=costs[name] > 0.0, cost_nats=costs[name])
-        for name, g in least.items()
-    )
-
-
 def _constraint_findings(constraints: Sequence[ConstraintState]) -> list[Finding]:
     """Constraints that hold a model against what the data ask for."""
     return [
@@ -148,14 +134,14 @@ def _constraint_findings(constraints: Sequence[ConstraintState]) -> list[Finding
             code="against-physics",
             where=state.id,
             value=state.cost_nats,
-            threshold=BEYOND_CHANCE,
+            threshold=BEYOND_CHANCE_NATS,
             message=f"the data ask for {BY_CONSTRAINT[state.id].asks} "
             f"(cost {state.cost_nats:.0f} nats): {BY_CONSTRAINT[state.id].lacks}",
             remedy="The model keeps what physics allows; look for the effect with "
             "`auvident diagnose` before using the coefficients.",
         )
         for state in constraints
-        if state.cost_nats > BEYOND_CHANCE
+        if state.cost_nats > BEYOND_CHANCE_NATS
     ]
 
 

@@ -10,7 +10,14 @@ import numpy.typing as npt
 
 from auvident.constants import GRAVITY_MPS2
 from auvident.engines.carried import Carried
-from auvident.engines.records import STATE_COLUMNS, Record, record_of, sensor_matrix
+from auvident.engines.records import (
+    STATE_COLUMNS,
+    Record,
+    frame_of,
+    in_one_frame,
+    record_of,
+    sensor_matrix,
+)
 from auvident.engines.setup import Setup
 from auvident.errors import InputError, NumericsError
 from auvident.physics.terms import parameter_vector, symbol_in
@@ -123,6 +130,17 @@ def _records_of(
     if not records:
         raise _nothing_is_read(chosen)
     return records, by_name[chosen[0].trial].rate_hz
+
+
+def headings_compare(trials: Sequence[Trial], maneuvers: Maneuvers, plane: Plane) -> bool:
+    """Whether the headings of what identifies can be held against each other.
+
+    They are logged, or summed up of one yaw rate.
+    """
+    by_name = {trial.name: trial for trial in trials}
+    chosen = identifying(trials, maneuvers, plane)
+    summed = in_one_frame(frame_of(m, by_name[m.trial], plane) for m in chosen)
+    return summed or any(trial.has_heading for trial in trials)
 
 
 def _masked(record: Record, carried: Carried) -> Record:

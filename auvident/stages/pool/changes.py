@@ -17,7 +17,7 @@ from auvident.schema.coefficients import ESTIMATED
 from auvident.schema.effects import parameter_of
 from auvident.schema.planes import BY_PLANE
 from auvident.stages.pool.collect import Collected
-from auvident.stages.pool.stage import PoolResult
+from auvident.stages.pool.stage import FITS_NO_OTHER, PoolResult
 
 Array = npt.NDArray[Any]
 
@@ -25,7 +25,6 @@ FALSE_ALARMS = 0.01
 LEAST_TRIALS = 5  # of fewer, a step may be as well what they scatter by
 CERTAIN = 2.0  # standard deviations of a value from zero, from which on its changes are shares
 DAY_S = 86_400.0
-FITS_NO_OTHER = "trial-fits-no-other"  # code of the finding
 SHOWN = 5  # trials in a message
 
 

@@ -11,7 +11,8 @@ from auvident.engines.carried import fitted_covariance, internal_values
 from auvident.errors import InputError
 from auvident.estimation.pooling import TrialData, spread_over, told_by
 from auvident.schema.artifacts import IdentifiedModel
-from auvident.schema.effects import BY_ID
+from auvident.schema.coefficients import ESTIMATED
+from auvident.schema.effects import BY_ID, parameter_of
 
 Array = npt.NDArray[Any]
 
@@ -264,3 +265,13 @@ def _told(p: _Posterior, unit: Array, origin: Array) -> _InUnits:
     widened[p.at] = p.widened / own**2
     expected[p.at] = np.diag(covariance) - (covariance**2 / variance).sum(axis=1)
     return _InUnits(told, whole, widened, np.maximum(expected, 0.0))
+
+
+def unit_of(name: str) -> str:
+    """Unit of a parameter as artifacts have it."""
+    return parameter_of(name).unit if "." in name else ESTIMATED[name].unit
+
+
+def shown(name: str, value: float, std: float = 0.0) -> tuple[float, float]:
+    """Value and standard deviation as artifacts have them: effects in the unit of their table."""
+    return parameter_of(name).shown(value, std) if "." in name else (value, std)

@@ -1,16 +1,16 @@
 """The pooled model: as `identify` writes it, so that everything that takes a model takes it."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
-from auvident.constants import NORMAL_95, NOT_MOVED, USUAL_SPEED_MPS
+from auvident.constants import BEYOND_CHANCE_NATS, NOT_MOVED, USUAL_SPEED_MPS
 from auvident.engines.carried import LEADERS, effect_rows, free_behind
-from auvident.engines.constraints import by_constraint, in_units
+from auvident.engines.constraints import by_constraint, in_units, states_at
 from auvident.engines.flown import joined
 from auvident.estimation.identifiability import correlations
 from auvident.estimation.inequalities import nearest
@@ -18,7 +18,6 @@ from auvident.estimation.pooling import Pooled
 from auvident.physics.consistency import BY_CONSTRAINT, Basis, Constraints, constraints_of
 from auvident.physics.terms import Structure, parameter_vector, structure_of
 from auvident.schema.artifacts import (
-    ConstraintState,
     Finding,
     IdentifiedModel,
     LeftOutSummary,
@@ -29,11 +28,11 @@ from auvident.schema.artifacts import (
 from auvident.schema.coefficients import BY_SYMBOL, prime_unit
 from auvident.schema.effects import parameter_of
 from auvident.schema.pooled import POOLED, PooledModel, Pooling
-from auvident.stages.pool.collect import Collected
+from auvident.stages.pool.collect import Collected, shown
 
 Array = npt.NDArray[Any]
+T = TypeVar("T")
 
-BEYOND_CHANCE = 0.5 * NORMAL_95**2  # [nats]
 # Drift a / u and turn b L / u of moderate maneuvers, in which no hull gains energy; ahead at first.
 # The states that were flown stand in the logs, which are not read again.
 MODERATE = ((0.0, 0.0), (0.1, 0.3), (-0.1, 0.3), (0.1, -0.3), (-0.1, -0.3))
@@ -88,7 +87,7 @@ def _model(t: Together, mean: Array, pooling: Pooling, findings: Sequence[Findin
     structure = structure_of(newest.plane, data.effects)
     vector = _vector(newest, structure, values)
     parameters = tuple(
-        p.model_copy(update={"value": _shown_value(p.symbol, values[p.symbol])})
+        p.model_copy(update={"value": shown(p.symbol, values[p.symbol])[0]})
         for p in pooling.parameters
     )
     return PooledModel(
@@ -111,10 +110,6 @@ def _model(t: Together, mean: Array, pooling: Pooling, findings: Sequence[Findin
         findings=(*findings, *_not_seen(rows)),
         pooling=pooling.model_copy(update={"parameters": parameters}),
     )
-
-
-def _shown_value(name: str, value: float) -> float:
-    return parameter_of(name).shown(value)[0] if "." in name else value
 
 
 def _vector(model: IdentifiedModel, structure: Structure, values: dict[str, float]) -> Array:
@@ -191,12 +186,9 @@ def _left_out(data: Collected) -> LeftOutSummary | None:
     found = [t.model.left_out for t in data.trials if t.model.left_out is not None]
     if not found:
         return None
-    errors = {
-        channel: [s.model_error[channel] for s in found if channel in s.model_error]
-        for channel in dict.fromkeys(c for s in found for c in s.model_error)
-    }
-    pushed = [s.push for s in found if s.push]
-    spreads = {c: [s.spread[c] for s in found if c in s.spread] for c in found[0].spread}
+    errors = _by_channel([s.model_error for s in found])
+    spreads = _by_channel([s.spread for s in found])
+    pushes = _by_channel([s.push for s in found])
     return LeftOutSummary(
         maneuvers=tuple(m for s in found for m in s.maneuvers),
         spread={c: float(np.sqrt(np.mean(np.square(v)))) for c, v in spreads.items()},
@@ -208,10 +200,14 @@ def _left_out(data: Collected) -> LeftOutSummary | None:
             )
             for c, rows in errors.items()
         },
-        push={c: float(np.sqrt(np.mean([p[c] ** 2 for p in pushed]))) for c in pushed[0]}
-        if pushed
-        else {},
+        push={c: float(np.sqrt(np.mean(np.square(v)))) for c, v in pushes.items()},
     )
+
+
+def _by_channel(rows: Sequence[Mapping[str, T]]) -> dict[str, list[T]]:
+    """What each trial has of a channel, of all channels that some of them have."""
+    names = dict.fromkeys(name for row in rows for name in row)
+    return {name: [row[name] for row in rows if name in row] for name in names}
 
 
 # --- physics -------------------------------------------------------------------------------
@@ -257,25 +253,18 @@ def _with_states(
     """The model with where it stands to what physics knows."""
     structure = structure_of(model.plane, tuple(str(e["id"]) for e in model.effects))
     effects = {n: float(v) for e in model.effects for n, v in e["internal"].items()}
-    value, _ = constraints(_vector(model, structure, {**model.values(), **effects}))
-    least: dict[str, float] = {}
-    for name, g in zip(constraints.ids, value.tolist(), strict=True):
-        least[name] = min(g, least.get(name, g))
-    states = tuple(
-        ConstraintState(id=n, value=g, active=costs.get(n, 0.0) > 0.0, cost_nats=costs.get(n, 0.0))
-        for n, g in least.items()
-    )
-    return model.model_copy(update={"constraints": states})
+    vector = _vector(model, structure, {**model.values(), **effects})
+    return model.model_copy(update={"constraints": states_at(constraints, vector, costs)})
 
 
 def _against_physics(costs: Any) -> Iterator[Finding]:
     for name, cost in costs.items():
-        if cost > BEYOND_CHANCE:
+        if cost > BEYOND_CHANCE_NATS:
             yield Finding(
                 code="against-physics",
                 where=name,
                 value=cost,
-                threshold=BEYOND_CHANCE,
+                threshold=BEYOND_CHANCE_NATS,
                 message=f"the trials ask for {BY_CONSTRAINT[name].asks} (cost {cost:.0f} nats): "
                 f"{BY_CONSTRAINT[name].lacks}",
                 remedy="The model keeps what physics allows; look for the effect in the trials.",

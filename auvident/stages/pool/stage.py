@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from auvident.constants import NORMAL_95
 from auvident.errors import InputError
 from auvident.estimation.pooling import (
     Agreement,
@@ -23,11 +22,9 @@ from auvident.estimation.pooling import (
     shrunk,
 )
 from auvident.schema.artifacts import ESTIMATE_CONTRADICTED, Finding
-from auvident.schema.coefficients import ESTIMATED
-from auvident.schema.effects import parameter_of
 from auvident.schema.pooled import PooledModel, PooledParameter, PooledTrial, PooledValue, Pooling
 from auvident.stages.pool.carry import about_common
-from auvident.stages.pool.collect import Collected, PoolTrial, collect
+from auvident.stages.pool.collect import Collected, PoolTrial, collect, shown, unit_of
 from auvident.stages.pool.model import Together, model_of_all
 from auvident.stages.pool.structural import maneuvers_of, structural_covariance
 
@@ -40,6 +37,7 @@ MOST_LEFT_OUT = 1 / 3  # of the trials
 FEW_TRIALS = 5  # fewer say little of the scatter between trials
 DISAGREE = 0.01  # probability of so much scatter of one of the coefficients by chance
 CLIPPED = 0.1  # of the prior's information that was cut off, from which on it is told
+FITS_NO_OTHER = "trial-fits-no-other"  # code of a finding
 LAST_CHANGED = (
     "Was it logged by another vehicle, or is the log damaged? It is left out of the pooled model."
 )
@@ -168,15 +166,6 @@ def _least(directions: int, p: float) -> float:
     return float(chdtri(directions, p)) if directions else 0.0
 
 
-def _unit_of(name: str) -> str:
-    return parameter_of(name).unit if "." in name else ESTIMATED[name].unit
-
-
-def _shown(name: str, value: float, std: float) -> tuple[float, float]:
-    """As artifacts have it: effects in the unit of their table."""
-    return parameter_of(name).shown(value, std) if "." in name else (value, std)
-
-
 def _parameters(t: Together, each: Sequence[Agreement]) -> Iterator[PooledParameter]:
     """What is told of each parameter together."""
     data = t.data
@@ -184,11 +173,11 @@ def _parameters(t: Together, each: Sequence[Agreement]) -> Iterator[PooledParame
     for i, name in enumerate(data.names):
         unit = float(data.unit[i])
         own = data.origin[i] + unit * t.found.mean[i]
-        value, std = _shown(name, own, unit * float(np.sqrt(t.claimed[i, i])))
-        prior, prior_std = _shown(name, float(data.origin[i]), unit)
+        value, std = shown(name, own, unit * float(np.sqrt(t.claimed[i, i])))
+        prior, prior_std = shown(name, float(data.origin[i]), unit)
         yield PooledParameter(
             symbol=name,
-            unit=_unit_of(name),
+            unit=unit_of(name),
             value=value,
             std=std,
             prior=prior,
@@ -197,7 +186,7 @@ def _parameters(t: Together, each: Sequence[Agreement]) -> Iterator[PooledParame
             share_best=float(shares[:, i].max()),
             share=float(np.clip(1.0 - t.found.covariance[i, i], 0.0, 1.0)),
             between_std=_scatter_of(t, i)[0],
-            structural_std=_shown(name, own, unit * float(np.sqrt(t.structural[i, i])))[1],
+            structural_std=shown(name, own, unit * float(np.sqrt(t.structural[i, i])))[1],
             q=each[i].q,
             freedom=each[i].freedom,
             p=each[i].p,
@@ -228,9 +217,7 @@ def _trials(
             logs=dict(trial.logs),
             maneuvers=maneuvers_of(trial.model),
             used=k in inside,
-            reason=_why(trial, whole, far, last=k == len(whole.told) - 1)
-            if k in out
-            else (twice[k].reason if k in twice else ""),
+            reason=_reason(k, whole, out, twice),
             square=far.square if far else 0.0,
             directions=far.directions if far else 0,
             p=far.p if far else 1.0,
@@ -241,15 +228,20 @@ def _trials(
         )
 
 
-def _why(trial: PoolTrial, data: Collected, far: Distance | None, last: bool) -> str:
-    """Why a trial is left out."""
-    assert far is not None  # it is in `out`
+def _reason(k: int, data: Collected, out: Mapping[int, Distance], twice: Mapping[int, Copy]) -> str:
+    """Why a trial is left out; empty where it is not."""
+    if k in twice:
+        return twice[k].reason
+    if k not in out:
+        return ""
+    far, findings = out[k], data.trials[k].model.findings
     most = ", ".join(data.names[i] for i in far.parameters)
     times = np.sqrt(far.square / far.directions)
     text = f"it fits no other trial: {times:.1f} times as far from them as chance lets it be, most "
     text += f"in {most}"
-    if any(f.code == ESTIMATE_CONTRADICTED for f in trial.model.findings):
+    if any(f.code == ESTIMATE_CONTRADICTED for f in findings):
         text += "; it contradicts the vehicle file as well"
+    last = k == len(data.trials) - 1
     return text + ("; a change of the vehicle would be another reason" if last else "")
 
 
@@ -269,12 +261,12 @@ def _values(data: Collected, found: Pooled) -> dict[str, PooledValue]:
     stds = np.sqrt(np.maximum(np.diag(found.covariance), 0.0))
     rows = {}
     for i, name in enumerate(data.names):
-        value, std = _shown(
+        value, std = shown(
             name,
             float(data.origin[i] + data.unit[i] * found.mean[i]),
             float(data.unit[i] * stds[i]),
         )
-        rows[name] = PooledValue(value=value, std=std, unit=_unit_of(name))
+        rows[name] = PooledValue(value=value, std=std, unit=unit_of(name))
     return rows
 
 
@@ -295,7 +287,7 @@ def _strange(trials: Sequence[PooledTrial], twice: Mapping[int, Copy]) -> Iterat
             )
         elif not t.used:
             yield Finding(
-                code="trial-fits-no-other",
+                code=FITS_NO_OTHER,
                 where=t.trial,
                 value=t.square,
                 threshold=_least(t.directions, FITS_NONE / len(trials)),
@@ -366,9 +358,4 @@ def _scatter_of(t: Together, i: int) -> tuple[float, str]:
     """Standard deviation between trials, and its unit, as artifacts have them."""
     name, unit = t.data.names[i], float(t.data.unit[i])
     own = float(t.data.origin[i]) + unit * float(t.found.mean[i])
-    return _shown(name, own, unit * float(np.sqrt(t.between[i])))[1], _unit_of(name)
-
-
-def interval(value: float, std: float) -> tuple[float, float]:
-    """95 % interval."""
-    return value - NORMAL_95 * std, value + NORMAL_95 * std
+    return shown(name, own, unit * float(np.sqrt(t.between[i])))[1], unit_of(name)

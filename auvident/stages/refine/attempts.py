@@ -340,7 +340,8 @@ def choose(
     -------
     Made or None
     tuple of Attempt
-        What was tried, the model before first, and which of them was taken.
+        What was tried, the model before first, and which of them was taken; empty where there was
+        nothing to try.
     """
     made = [] if carried is None else _with_effects(carried, model, before, again)
     best = best_of([one.tried for one in made])
@@ -351,7 +352,7 @@ def choose(
             if made[-1].tried.is_good:
                 break
         best = best_of([one.tried for one in made])
-    rows = [Attempt(effects=(), taken=best is None)]
+    rows = [Attempt(effects=(), taken=best is None)] if made else []
     rows += [_attempt(one.tried, k == best) for k, one in enumerate(made)]
     return (None if best is None else made[best]), tuple(rows)
 

@@ -10,8 +10,9 @@ import numpy.typing as npt
 import pandas as pd
 
 from auvident.engines.carried import frame_of, predicted_course, structure_behind, vector_behind
+from auvident.engines.falling import MEMBERS
 from auvident.engines.flown import beyond_in_turn
-from auvident.engines.predictive import band_of, measured_channels, measured_track
+from auvident.engines.predictive import Band, band_of, measured_channels, measured_track
 from auvident.engines.records import Record, record_of, sensor_matrix
 from auvident.physics.dynamics import ALL_STATES
 from auvident.physics.maneuvers import (
@@ -112,14 +113,14 @@ def validate(
     metrics = metrics.model_copy(
         update={
             "coverage": coverage_of(
-                (channel_pairs(p, model.plane), band)
+                (channel_pairs(p, model.plane), band.half_width)
                 for p, band in zip(after, bands, strict=True)
                 if p.maneuver.role == "validate"
             ),
             "cross_validation": cross_validation_of(model),
             "residuals": _residuals(after, model, min(dts.values())),
             "horizons": _at_horizons(cut, model.plane, metrics.summary.get("validate", {})),
-            "findings": (*findings, *windows_lost(cut)),
+            "findings": (*findings, *windows_lost(cut), *drawn_lost(after, bands)),
             "extrapolation": beyond_in_turn(
                 [p.record for p in after if p.maneuver.role == "validate"],
                 [p.record for p in after if p.maneuver.role == "identify"],
@@ -128,7 +129,8 @@ def validate(
         }
     )
     tables = [
-        _table(a, b, model.plane, band) for a, b, band in zip(after, before, bands, strict=True)
+        _table(a, b, model.plane, band.half_width)
+        for a, b, band in zip(after, before, bands, strict=True)
     ]
     return Validation(metrics, pd.concat(tables, ignore_index=True))
 
@@ -187,6 +189,22 @@ def windows_lost(cut: Mapping[str, Sequence[Prediction]]) -> tuple[Finding, ...]
         )
         for horizon, count in lost.items()
         if count
+    )
+
+
+def drawn_lost(predictions: Sequence[Prediction], bands: Sequence[Band]) -> tuple[Finding, ...]:
+    """Maneuvers whose band leaves out models that were drawn for it, as these run away."""
+    return tuple(
+        Finding(
+            code="drawn-models-run-away",
+            where=p.maneuver.id,
+            value=float(band.ran_away),
+            message=f"{band.ran_away} of {MEMBERS} models drawn for the band diverge; the band is "
+            "that of the others",
+            remedy="The model is too uncertain for this maneuver: it may be off by more.",
+        )
+        for p, band in zip(predictions, bands, strict=True)
+        if band.ran_away
     )
 
 

@@ -12,13 +12,13 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from auvident.engines.records import HEADING, NORTH, Record
+from auvident.engines.records import HEADING, NORTH, Record, in_one_frame
 from auvident.engines.setup import Setup
 from auvident.physics.terms import FREE_FORCE, LINEAR_DRAG, parameter_vector, structure_of
 from auvident.schema.artifacts import IdentifiedModel
 from auvident.schema.coefficients import expand
 from auvident.schema.effects import BY_ID, Effect, EffectParameter, in_plane, parameter_of
-from auvident.schema.planes import BY_PLANE, STATE_COLUMNS, Plane, PlaneRow
+from auvident.schema.planes import BY_PLANE, STATE_COLUMNS, PlaneRow
 from auvident.stages.diagnose.checks.kinematics import SensorCheck
 
 Array = npt.NDArray[Any]
@@ -162,7 +162,7 @@ def testable(setup: Setup, records: Sequence[Record]) -> tuple[list[Effect], lis
     for effect in in_plane(plane):
         logged = partial(_is_logged, records=records, states=STATE_COLUMNS[plane])
         lacking = [c for c in effect.needs if not logged(c)]
-        if lacking == [HEADING] and effect.by_rate and in_one_frame(plane, records):
+        if lacking == [HEADING] and effect.by_rate and in_one_frame(_frames(records)):
             lacking = []
         missing += lacking
         if not lacking:
@@ -170,19 +170,14 @@ def testable(setup: Setup, records: Sequence[Record]) -> tuple[list[Effect], lis
     return there, list(dict.fromkeys(missing))
 
 
-def in_one_frame(plane: Plane, records: Sequence[Record]) -> bool:
-    """Whether headings that are not logged can be held against each other.
-
-    They count from the bow at the start of a trial whose yaw rate has no gap.
-    """
-    frames = {r.source.frame for r in records if r.source is not None}
-    return plane == "horizontal" and len(frames) == 1 and NORTH not in frames
+def _frames(records: Sequence[Record]) -> set[str]:
+    """What the headings of records count from."""
+    return {r.source.frame for r in records if r.source is not None}
 
 
 def counted_from(records: Sequence[Record]) -> Literal["north", "bow"]:
     """What the directions of a case count from."""
-    known = all(r.source is None or r.source.frame == NORTH for r in records)
-    return "north" if known else "bow"
+    return "north" if _frames(records) <= {NORTH} else "bow"
 
 
 RATES = ("p_radps", "q_radps")  # columns of `Source.rates`

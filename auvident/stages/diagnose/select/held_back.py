@@ -91,8 +91,8 @@ def with_sensors(case: Case, before: Fitted, fitted: Fitted, found: Helped) -> H
     by_sensors = float(chdtrc(len(case.positions(fitted.effects[-1])), 2.0 * gained))
     return Helped(
         found.gain + gained,
-        max(found.share, 1.0),
-        found.low + gained,
+        share=1.0,  # the sensors are the same in every maneuver
+        low=found.low + gained,
         p=2.0 * max(min(by_sensors, found.p), LEAST_CHANCE),
         t=max(found.t, float(np.sqrt(2.0 * gained))),
         explained=max(found.explained, gained / old),

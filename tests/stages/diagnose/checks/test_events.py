@@ -7,7 +7,14 @@ import numpy as np
 import pytest
 
 from auvident.schema.planes import VERTICAL
-from auvident.stages.diagnose.checks.events import BIN, Event, find_events, smallest_push
+from auvident.stages.diagnose.checks.events import (
+    BIN,
+    PAIR_THRESHOLD,
+    THRESHOLD,
+    Event,
+    find_events,
+    smallest_push,
+)
 from auvident.stages.diagnose.checks.waves import Residual
 
 NOISE = np.array([0.005, 0.005, 0.0009, 0.005])
@@ -127,6 +134,32 @@ def test_nothing_is_found_in_what_repeats_or_starts_or_stays(what: dict[str, flo
 def test_two_events_are_found_when_they_are_clear() -> None:
     events = found(4, push={2: (30.0, 3.0), 6: (50.0, -3.0)})
     assert {e.maneuver for e in events} == {"m2", "m6"}
+
+
+def test_of_two_bad_places_each_has_to_stand_out_more_than_one_alone() -> None:
+    """Pushes of which each, alone, is an event: twelve times the rest, where two need sixteen."""
+    (alone,) = found(1, push={2: (30.0, 1.0)})
+    assert THRESHOLD < alone.ratio < PAIR_THRESHOLD
+    assert found(1, push={2: (30.0, 1.0), 6: (50.0, -1.0)}) == []
+
+
+def shaken(seed: int, first: float, last: float) -> list[Residual]:
+    """Nothing but one maneuver in which sway and yaw jump from side to side for some time [s]."""
+    pieces, t = pieces_of(seed), np.arange(0.0, 85.0, 0.1)
+    values, during = pieces[3].values.copy(), (t >= first) & (t < last)
+    values[during, 1:3] += 0.1 * np.sign(np.sin(0.5 * math.pi * t[during]))[:, None]
+    pieces[3] = replace(pieces[3], values=values)
+    return pieces
+
+
+def test_what_lasts_longer_than_a_vehicle_answers_a_push_is_none() -> None:
+    assert find_events(shaken(1, 30.0, 34.0), NOISE)
+    assert find_events(shaken(1, 30.0, 60.0), NOISE) == []
+
+
+def test_what_reaches_back_to_the_start_is_the_start_state() -> None:
+    assert find_events(shaken(1, 20.0, 27.0), NOISE)
+    assert find_events(shaken(1, 0.0, 7.0), NOISE) == []
 
 
 def test_a_push_below_the_noise_of_the_sensors_is_none() -> None:

@@ -14,6 +14,7 @@ from auvident.engines.free_run import (
     white_error,
 )
 from auvident.engines.records import NORTH
+from auvident.physics.terms import LINEAR_DRAG
 from auvident.schema.effects import in_plane, parameter_of
 from auvident.stages.diagnose.checks.kinematics import SensorCheck
 from auvident.stages.diagnose.fit import case as cases
@@ -245,6 +246,18 @@ def test_a_current_is_tried_without_a_compass_where_all_headings_count_from_one_
 def test_logged_headings_count_from_north() -> None:
     records = [r for _, r in loop("harbour_trial").setup.records.values()]
     assert cases.counted_from(records) == "north"
+
+
+def test_a_fit_without_effects_begins_at_what_every_vehicle_is_expected_to_have() -> None:
+    case = small_case()
+    q, nuisance = case.at_rest(np.zeros(len(case.names))), case.nuisance_std > 0.0
+    expected = nuisance & (case.setup.prior != 0.0)
+    assert LINEAR_DRAG in {case.names[i] for i in np.flatnonzero(expected)}
+    np.testing.assert_array_equal(q[expected], case.setup.prior[expected])
+    one_sided = nuisance & ~expected & (case.low == 0.0)
+    assert one_sided.any()
+    np.testing.assert_array_equal(q[one_sided], case.nuisance_std[one_sided])
+    assert not q[~(expected | one_sided)].any()
 
 
 def residuals_at(case: cases.Case, base: Fitted, p: np.ndarray) -> list[RecordResidual]:

@@ -176,11 +176,11 @@ def test_the_information_of_the_maneuvers_adds_up():
     assert 0.95 * left.information[0, 0] < found.sum() <= left.information[0, 0] * (1.0 + 1e-9)
 
 
-def drawn_blocks(about: Joint, excess: float, count: int) -> Joint:
+def drawn_blocks(about: Joint, excess: float, count: int, seed: int = 3) -> Joint:
     """Blocks of equal information whose gradients scatter by it, or by more."""
     n = len(about.free)
     own = np.eye(n) * 4.0
-    drawn = np.random.default_rng(3).normal(0.0, np.sqrt(4.0 * excess), (count, n))
+    drawn = np.random.default_rng(seed).normal(0.0, np.sqrt(4.0 * excess), (count, n))
     blocks = Blocks(np.zeros(count, np.int64), drawn, np.repeat(own[None], count, axis=0))
     return replace(about, blocks=blocks)
 
@@ -190,6 +190,13 @@ def test_scores_that_scatter_more_than_they_should_are_told(excess):
     about = drawn_blocks(joint(), excess, 4000)
     left = unabsorbed(about, small_case().positions("gyro_bias"))
     assert excess_variance(about, left) == pytest.approx([excess], rel=0.1)
+
+
+def test_the_scatter_of_few_blocks_counts_without_what_the_estimate_takes_of_it():
+    about, at = joint(), small_case().positions("gyro_bias")
+    left = unabsorbed(about, at)
+    found = [excess_variance(drawn_blocks(about, 1.0, 3, seed), left)[0] for seed in range(300)]
+    assert np.mean(found) == pytest.approx(1.0, abs=0.2)  # its standard error is 0.06
 
 
 def test_an_effect_that_is_there_is_no_excess():

@@ -194,6 +194,20 @@ def test_a_prediction_that_runs_away_is_bad_but_finite() -> None:
     assert both.gain == 0.0
 
 
+def test_readings_that_a_model_cannot_predict_count_one_each() -> None:
+    """To no model's gain: else one that a delay leaves without its first rows would look better."""
+    case, fitted = small_case(), small_fit()
+    output, record = output_error(case, fitted.colours), case.records[0]
+    found = residual_of(output, fitted.parameters, record)
+    assert found is not None
+    rows = np.flatnonzero(np.isfinite(record.measured[:, 2]))[:50]
+    error = found.error.copy()
+    error[rows, 2] = np.nan
+    rest = white_error(error, fitted.colours, case.setup.dt_s)[:, :3]
+    blocks = module._blocks(output, replace(found, error=error), record)
+    assert blocks.sum() == pytest.approx(np.sum(rest**2) + 50.0)
+
+
 def test_the_bootstrap_repeats_with_the_seed() -> None:
     before, after = made([40.0, 20.0, 9.0]), made([30.0, 22.0, 7.0])
     one, two = (helped(before, after, np.random.default_rng(5)) for _ in range(2))

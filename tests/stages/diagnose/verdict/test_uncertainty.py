@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -88,6 +89,18 @@ def test_a_size_is_known_as_well_as_the_sensors_know_it() -> None:
     assert known[at] == pytest.approx(5e-4)  # what they leave open, and how far the fit is off
     assert np.isinf(np.delete(known, at)).all()
     assert np.isinf(known_by_sensors(small_case(), with_bias(0.02))).all()
+
+
+def test_the_scatter_of_maneuvers_takes_nothing_from_what_sensors_know() -> None:
+    case = checked(0.02, 3e-4)
+    found = fit_with(case, ("gyro_bias",), small_fit().parameters, small_fit().colours)
+    assert found is not None
+    at, fits = case.position(BIAS), np.tile(found.parameters, (len(case.records), 1))
+    fits[:, at] += 0.01 * (-1.0) ** np.arange(len(fits))
+    apart = SimpleNamespace(of=lambda *_: fits)
+    known = known_by_sensors(case, found)[at]
+    assert spreads(replace(case, checks=()), found, apart)[at] > 0.01 > known
+    assert spreads(case, found, apart)[at] == known
 
 
 @pytest.mark.parametrize(
