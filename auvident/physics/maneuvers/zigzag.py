@@ -1,5 +1,7 @@
 """Figures of a zigzag (IMO MSC.137(76), ITTC 7.5-04-02-01)."""
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -7,14 +9,16 @@ from auvident.physics.maneuvers.track import Array, first_crossing
 
 HALF = 0.5  # a rudder beyond half its amplitude has been put over
 AMPLITUDE = 0.9  # quantile of the angle that is the amplitude: an overshoot of the servo is none
-ON_LEVEL = 0.9  # share of the angle held, from which on the rudder has not left it
+ON_LEVEL = 0.9  # share of the angle held, from which on the rudder has not left it for sure
+EXACT = 1.0e-6  # [samples] rounding of a move that begins at a sample
 
 
 def reversals(rudder_rad: ArrayLike) -> NDArray[np.int64]:
     """Samples at which the rudder leaves one side of a zigzag for the other.
 
     A side is left where the rudder was last beyond half the amplitude on it, and the move is
-    followed back to its beginning: the last sample within a tenth of the amplitude of the level.
+    followed back to its beginning: a line through nine tenths and half of the level, on to the
+    level. The heading goes on turning while a servo turns, up to 3 deg in the first tenth.
     The last sample, which may be the release already, starts no new side.
     """
     x = np.asarray(rudder_rad, dtype=float)
@@ -27,13 +31,26 @@ def reversals(rudder_rad: ArrayLike) -> NDArray[np.int64]:
 
 
 def _departure(x: Array, last: int) -> int:
-    """First sample of the move that leaves the level held before sample `last`."""
+    """First sample of the move that leaves the level held, which falls below half after `last`."""
     sign = np.sign(x[last])
     other = np.flatnonzero(~(sign * x[:last] > 0))  # not on this side
     begin = int(other[-1]) + 1 if other.size else 0
     held = float(np.median(x[begin : last + 1]))
     on_level = np.flatnonzero(sign * x[begin : last + 1] >= ON_LEVEL * abs(held))
-    return begin + int(on_level[-1]) + 1 if on_level.size else last + 1
+    if not on_level.size:
+        return last + 1
+    left, halved = (
+        _passing(x, i, share * held)
+        for i, share in ((begin + int(on_level[-1]), ON_LEVEL), (last, HALF))
+    )
+    away = left - (halved - left) * (1.0 - ON_LEVEL) / (ON_LEVEL - HALF)
+    return max(math.floor(away + EXACT), begin) + 1
+
+
+def _passing(x: Array, i: int, value: float) -> float:
+    """Where between samples i and i + 1 a value is passed; sample i where there it is not."""
+    step = x[i + 1] - x[i]
+    return i + float(np.clip((value - x[i]) / step, 0.0, 1.0)) if step != 0.0 else float(i)
 
 
 def zigzag_figures(

@@ -72,12 +72,15 @@ def test_an_overshoot_that_the_record_cuts_is_absent():
     assert "overshoot_4_deg" not in figures
 
 
-def test_reversal_of_a_ramp_is_where_it_begins():
-    rudder = np.concatenate([np.full(50, 0.3), np.linspace(0.3, -0.3, 31)[1:], np.full(50, -0.3)])
-    found = reversals(rudder)
-    assert found.size == 1
-    # a tenth of the amplitude, 0.03 at 0.02 per sample, may pass before the move is sure
-    assert 50 <= found[0] <= 52
+@pytest.mark.parametrize("steps", [1, 5, 30, 200])
+def test_reversal_of_a_ramp_is_where_it_begins(steps):
+    """Not where a tenth of the amplitude has gone by: the heading turns on meanwhile."""
+    ramp = np.linspace(0.3, -0.3, steps + 1)[1:]
+    rudder = np.concatenate([np.full(50, 0.3), ramp, np.full(50, -0.3)])
+    assert reversals(rudder).tolist() == [50]
+    noise = 0.003 * np.random.default_rng(7).standard_normal(rudder.size)
+    (found,) = reversals(rudder + noise)
+    assert abs(found - 50) <= 1 + 0.02 * steps
 
 
 def test_rudder_that_never_reverses():
