@@ -1,6 +1,7 @@
 """How `diagnose` and `refine` stand among the stages: what they are given, when they are stale."""
 
 import json
+import math
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -11,7 +12,7 @@ import pytest
 
 from auvident.engines.setup import Setup
 from auvident.errors import NumericsError
-from auvident.pipeline import STAGES, run_stage, status, steps
+from auvident.pipeline import STAGES, run_stage, status
 from auvident.pipeline.predict import find_model
 from auvident.pipeline.table import BY_NAME
 from auvident.schema.trial import Trial
@@ -306,9 +307,14 @@ def test_a_refinement_by_itself_makes_the_bytes_that_it_makes_in_a_run(demo: Pat
     assert {f: f.read_bytes() for f in made} == made
 
 
-@pytest.mark.parametrize(("headings", "logged"), [([], False), ([[]], False), ([[0.1]], True)])
-def test_a_log_may_have_no_heading_at_all(headings: list[list[float]], logged: bool) -> None:
+@pytest.mark.parametrize(
+    ("column", "logged"),
+    [
+        ({"r_radps": [0.0]}, False),
+        ({"heading_rad": [math.nan]}, False),
+        ({"heading_rad": [0.1]}, True),
+    ],
+)
+def test_a_log_may_have_no_heading_at_all(column: dict[str, list[float]], logged: bool) -> None:
     """Without an attitude there is no such column in the table of a trial."""
-    tables = [pd.DataFrame({"heading_rad": h} if h else {"r_radps": [0.0]}) for h in headings]
-    given = SimpleNamespace(trials=[Trial("log", table, 10.0) for table in tables])
-    assert steps._has_headings(given) is logged
+    assert Trial("log", pd.DataFrame(column), 10.0).has_heading is logged

@@ -90,8 +90,9 @@ def early_in_both() -> CombinedModel:
     """The same of both planes."""
     effects = {plane: early(plane).effects for plane in PLANES}
     names = [f"{plane} {effect['id']}.delay_s" for plane, (effect,) in effects.items()]
-    update = {"effects": effects, "parameters": dict.fromkeys(names, EARLY_S)}
-    return whole_vehicle().model_copy(update=update)
+    model = whole_vehicle()
+    parameters = {**model.parameters, **dict.fromkeys(names, EARLY_S)}
+    return model.model_copy(update={"effects": effects, "parameters": parameters})
 
 
 def test_a_negative_delay_is_left_out_and_said(tmp_path: Path) -> None:
