@@ -75,10 +75,13 @@ def outcome(seed: int) -> Outcome:
     with tempfile.TemporaryDirectory(prefix="auvident-totals-") as name:
         folder = Path(name)
         drawn = draw(seed, True, ())
-        sailed = drawn.sail()
+        found = {"case": {"key": str(seed), "seed": seed}, "classes": list(drawn.classes)}
+        try:
+            sailed = drawn.sail()
+        except FloatingPointError as error:  # it went out of bounds: no trial
+            return {**found, "error": str(error), "rows": []}
         drawn.write(sailed, folder / "trial", folder / "vehicle.toml")
         ran = chain(folder, until="identify")
-        found = {"case": {"key": str(seed), "seed": seed}, "classes": list(drawn.classes)}
         if "error" in ran:
             return {**found, "error": ran["error"], "rows": []}
         model = IdentifiedModel.model_validate_json(
