@@ -15,9 +15,9 @@ from auvident.physics.sensing import current, water_abreast, water_in_vertical
 from auvident.physics.terms import Structure, parameter_vector, structure_of, symbol_in
 from auvident.schema.artifacts import IdentifiedModel
 from auvident.schema.coefficients import Plane
+from auvident.schema.complete import unknown_effects
 from auvident.schema.effects import BY_ID, own_in, parameter_of
 from auvident.schema.planes import PLANES
-from auvident.schema.quoting import clipped
 
 Array = npt.NDArray[Any]
 
@@ -133,10 +133,10 @@ def structure_behind(model: IdentifiedModel) -> Structure:
         An effect that this version does not know.
     """
     names = tuple(str(e["id"]) for e in model.effects)
-    unknown = [name for name in names if name not in BY_ID]
+    unknown = unknown_effects(names)
     if unknown:
         raise StageError(
-            f"the effects {clipped(', '.join(unknown))} are unknown to this version",
+            unknown,
             f"model of {model.vehicle}, {model.plane} plane",
             "Use the version of auvident that identified the model, or a later one.",
         )

@@ -1,7 +1,7 @@
 """Whether the file of a model has all that a model is flown with."""
 
 import math
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import Any
 
 from auvident.schema.artifacts import IdentifiedModel
@@ -28,6 +28,13 @@ def lacking(model: IdentifiedModel) -> str:
     if missing:
         return f"lacks {', '.join(missing)}"
     return next(_without_value(model), "")
+
+
+def unknown_effects(names: Iterable[str]) -> str:
+    """That this version does not know some effects, in words; empty where it knows all."""
+    unknown = [name for name in names if name not in BY_ID]
+    listed = clipped(", ".join(unknown))
+    return f"the effects {listed} are unknown to this version" if unknown else ""
 
 
 def _without_value(model: IdentifiedModel) -> Iterator[str]:
@@ -57,9 +64,9 @@ def lacking_of_whole(model: CombinedModel) -> str:
     if not model.length_m > 0.0:
         return f"length_m is {model.length_m:g}"
     there = {e.symbol for e in model.entries} | model.parameters.keys()
-    unknown = [e for p in PLANES for e in model.effect_ids(p) if e not in BY_ID]
+    unknown = unknown_effects(e for p in PLANES for e in model.effect_ids(p))
     if unknown:
-        return f"the effects {clipped(', '.join(unknown))} are unknown to this version"
+        return unknown
     wanted = [*OF_WHOLE, *(s for plane in PLANES for s in _of_plane(plane, there))]
     wanted += [s for block in model.covariance for s in block.symbols]
     missing = [s for s in dict.fromkeys(wanted) if s not in there]

@@ -18,7 +18,7 @@ def reversals(rudder_rad: ArrayLike) -> NDArray[np.int64]:
 
     A side is left where the rudder was last beyond half the amplitude on it, and the move is
     followed back to its beginning: a line through nine tenths and half of the level, on to the
-    level. The heading goes on turning while a servo turns, up to 3 deg in the first tenth.
+    level. The heading goes on turning while the first tenth of the move goes by.
     The last sample, which may be the release already, starts no new side.
     """
     x = np.asarray(rudder_rad, dtype=float)

@@ -235,9 +235,18 @@ def tried_with(
     }
     seen = {name: ratio for name, ratio in ratios.items() if not math.isnan(ratio)}
     change = left_out_change(*left_out, {name for name, _, _ in carried.windows})
-    kept = _kept(carried, before)
-    masks = bool(carried.windows)
-    return TriedModel(carried.effects, seen, change, kept, carried.own_starts, masks=masks)
+    return replace(_of(carried, before), ratios=seen, left_out=change)
+
+
+def _of(carried: Carried, before: pd.DataFrame) -> TriedModel:
+    """What an attempt carries, without any errors."""
+    return TriedModel(
+        carried.effects,
+        {},
+        keeps=_kept(carried, before),
+        own_starts=carried.own_starts,
+        masks=bool(carried.windows),
+    )
 
 
 def _kept(carried: Carried, before: pd.DataFrame) -> tuple[str, ...]:
@@ -307,9 +316,7 @@ def make(
         found = again(carried)
     except NumericsError as error:
         failed = f"{error.problem} ({error.where})" if error.where else error.problem
-        keeps, masks = _kept(carried, before), bool(carried.windows)
-        tried = TriedModel(carried.effects, {}, None, keeps, carried.own_starts, failed, masks)
-        return Made(carried, None, tried)
+        return Made(carried, None, replace(_of(carried, before), failed=failed))
     summaries = model.left_out, found[0].model.left_out
     return Made(carried, found, tried_with(carried, before, found[1].simulation, summaries))
 
