@@ -19,6 +19,8 @@ class ParameterValue(Artifact):
     ``bound`` is set where the search ended at a bound of the parameter: it is as large as
     ``value``, or larger (``at least``), or as small or smaller (``at most``), and its interval is
     open to that side.
+    ``matters_from`` is the practical size for this vehicle: from there on (of a limit: down from
+    there) it is worth a word; None where none is declared for it alone.
     """
 
     symbol: str
@@ -28,6 +30,7 @@ class ParameterValue(Artifact):
     low: float | None = None
     high: float | None = None
     bound: Bound | None = None
+    matters_from: float | None = None
 
     @computed_field  # type: ignore[prop-decorator]
     @property

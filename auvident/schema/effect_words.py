@@ -54,6 +54,12 @@ AXES = {"north": {}, "bow": {"north": "ahead", "east": "to starboard"}}
 DRIFT = "mps_per_1000_s"  # end of the symbols of rates of the current
 
 
+# [practical sizes] An effect is worth its name where what is told of it from nothing comes to this.
+# Of 390 effects claimed on retired odd seeds 18 had sizes that were told below a whole one: two
+# lever arms of 0.11 and 0.25 that were none, sixteen of 0.41 and more, of which most were real.
+LEAST_TOLD = 1.0 / 3.0
+
+
 class Told(float):
     """A value that says, wherever it is written, that it is known to one side only.
 
@@ -136,14 +142,37 @@ def holds_nothing(effect: str, p: ParameterValue) -> bool:
 
 
 def is_confirmed(effect: EffectFound) -> bool:
-    """Whether some size of an effect is told from nothing; one without sizes always is."""
+    """Whether sizes of an effect that matter are told from nothing; one without sizes always is."""
+    told = told_of(effect)
+    return told is None or (bool(told) and _matter(effect.id, told))
+
+
+def told_of(effect: EffectFound) -> list[ParameterValue] | None:
+    """Sizes of an effect that are told from nothing; None for one without sizes."""
     sizes = [
         p
         for p in effect.parameters
         if f"{effect.id}.{p.symbol}" in BY_ID[effect.id].names()
         and parameter_of(f"{effect.id}.{p.symbol}").practical > 0.0
     ]
-    return not sizes or not all(holds_nothing(effect.id, p) for p in sizes)
+    return [p for p in sizes if not holds_nothing(effect.id, p)] if sizes else None
+
+
+def _matter(effect: str, told: Sequence[ParameterValue]) -> bool:
+    """Whether what is told of an effect is worth a word by itself.
+
+    An effect is large enough by all its sizes together. A lever arm of 0.1 m ahead that may as
+    well be none and of 5 mm abeam that is sure (0.1 of what matters) is nothing to act on.
+    """
+    sizes = [_in_practical_sizes(effect, p) for p in told]
+    return None in sizes or math.hypot(*(s for s in sizes if s is not None)) >= LEAST_TOLD
+
+
+def _in_practical_sizes(effect: str, p: ParameterValue) -> float | None:
+    if p.matters_from is None:
+        return None
+    declared = parameter_of(f"{effect}.{p.symbol}")
+    return abs(declared.internal(p.value) / declared.internal(p.matters_from))
 
 
 def _words(effect: Effect, values: Mapping[str, Told]) -> str:

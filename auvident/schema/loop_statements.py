@@ -5,7 +5,7 @@ from typing import Any
 
 from auvident.schema.artifacts import Verdict
 from auvident.schema.diagnosis import Attempt, Detectable, EffectFound
-from auvident.schema.effect_words import words_of
+from auvident.schema.effect_words import told_of, words_of
 from auvident.schema.effects import BY_ID
 from auvident.schema.likeness import nested
 
@@ -15,7 +15,8 @@ TOGETHER = ("one_off_event",)  # effects of which all sizes have to be exceeded,
 NOT_ADDED, NOT_CONFIRMED = "not-added", "not-confirmed"
 DOUBTS = {
     NOT_ADDED: "a model with it does not predict the maneuvers used for identification better",
-    NOT_CONFIRMED: "not confirmed: the interval of its size contains zero",
+    NOT_CONFIRMED: "not confirmed: the interval of its size contains zero, or what it tells from "
+    "zero is too small to matter",
 }
 
 
@@ -285,6 +286,12 @@ def fits_better(effects: Sequence[EffectFound]) -> str:
 def _unconfirmed(serves: str, effects: Sequence[EffectFound]) -> str:
     if not effects:
         return ""
-    listed = " and ".join(e.plain or e.id for e in effects)
-    zero = "its interval contains" if len(effects) == 1 else "the intervals contain"
-    return f"{serves}, but not confirmed because {zero} zero: {listed}."
+    small = [e for e in effects if told_of(e)]
+    zero = [e for e in effects if e not in small]
+    contain = "its interval contains" if len(zero) == 1 else "the intervals contain"
+    whys = ((zero, f"{contain} zero"), (small, "what is told from zero is too small to matter"))
+    return " ".join(
+        f"{serves}, but not confirmed because {why}: {' and '.join(e.plain or e.id for e in some)}."
+        for some, why in whys
+        if some
+    )

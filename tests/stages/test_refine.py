@@ -593,6 +593,16 @@ def test_the_sentence_and_the_table_have_the_size_that_the_refinement_ends_at() 
     assert not found.not_confirmed
 
 
+@pytest.mark.parametrize(("matters", "confirmed"), [(0.5, True), (5.0, False), (None, True)])
+def test_a_size_that_is_told_and_too_small_to_matter_is_not_confirmed(matters, confirmed) -> None:
+    (size,) = OFFSET.parameters
+    small = size.model_copy(update={"matters_from": matters})
+    found = claimed(1.3, 0.05, effects=(OFFSET.model_copy(update={"parameters": (small,)}),))
+    assert [e.id for e in (found.effects if confirmed else found.not_confirmed)] == [OFFSET.id]
+    (told,) = (*found.effects, *found.not_confirmed)
+    assert told.parameters[0].matters_from == matters
+
+
 def test_a_size_whose_interval_holds_zero_is_not_confirmed_anywhere() -> None:
     found = claimed(0.9, 0.6)
     assert (found.verdict, found.effects) == ("unexplained", ())

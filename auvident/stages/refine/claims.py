@@ -180,5 +180,6 @@ def _final_value(p: ParameterValue, final: Mapping[str, Any]) -> ParameterValue:
         std=half / NORMAL_95,
         unit=p.unit,
         bound=p.bound,
+        matters_from=p.matters_from,
         **ends(value, half, p.bound),
     )

@@ -135,10 +135,19 @@ def effect_values(
                 std=None if stds is None else std,
                 unit=declared.unit,
                 bound=bound,
+                matters_from=_matters_from(case, effect, i),
                 **known,
             )
         )
     return tuple(found)
+
+
+def _matters_from(case: Case, effect: str, position: int) -> float | None:
+    """Practical size of a parameter as shown; None where only its parts have one."""
+    practical = float(case.practical([position])[0] * case.setup.prior_std[position])
+    if BY_ID[effect].parts or practical <= 0.0:
+        return None
+    return parameter_of(case.names[position]).shown(practical)[0]
 
 
 def bound_of(declared: EffectParameter, side: float) -> Bound:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from auvident.schema.diagnosis import Diagnosis
+from auvident.schema.effects import parameter_of
 from auvident.stages.diagnose.checks.waves import Wave
 from auvident.stages.diagnose.fit.fits import first_colours, fit_with, log_gain
 from auvident.stages.diagnose.score.first_order import joint_about
@@ -17,6 +18,7 @@ from auvident.stages.diagnose.score.left_out import Helped
 from auvident.stages.diagnose.select.candidates import Round, Traced, Tried
 from auvident.stages.diagnose.select.records import Account
 from auvident.stages.diagnose.select.rule import Refusal
+from auvident.stages.diagnose.verdict import effects
 from auvident.stages.diagnose.verdict.carried import carried
 from auvident.stages.diagnose.verdict.document import _remainder, diagnosis_of
 from auvident.stages.diagnose.verdict.evidence import (
@@ -98,6 +100,20 @@ def test_an_effect_whose_interval_contains_zero_is_tried_and_not_claimed() -> No
     assert "Fits the data better, but not confirmed because its interval" in found.statement
     assert found.candidates[0].rejected.startswith("not confirmed")
     assert found.candidates[0].refusal and found.candidates[0].refusal.code == "not-confirmed"
+
+
+def test_an_effect_that_is_told_from_zero_and_does_not_matter_is_not_claimed(monkeypatch) -> None:
+    """A DVL that was 5 mm abeam for sure, and may be 0.1 m ahead or not (odd seed 8153)."""
+    small = parameter_of("gyro_bias.bias_degps").practical / 4.0
+    whole, there = evidence(), evidence().traced.final.parameters.copy()
+    there[whole.traced.case.position("gyro_bias.bias_degps")] = small
+    final = replace(whole.traced.final, parameters=there)
+    monkeypatch.setattr(effects, "spreads", lambda case, *_: np.full(len(case.names), 1e-9))
+    found = said(replace(whole, traced=replace(whole.traced, final=final)))
+    assert (found.verdict, found.effects) == ("none_found", ())
+    assert [e.id for e in found.not_confirmed] == ["gyro_bias"]
+    assert "because what is told from zero is too small to matter" in found.statement
+    assert "too small to matter" in found.candidates[0].rejected
 
 
 def test_what_only_an_effect_in_doubt_takes_away_is_unexplained() -> None:

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from auvident.schema.effects import parameter_of
 from auvident.stages.diagnose.checks.kinematics import SensorCheck
 from auvident.stages.diagnose.fit.fits import fit_with
 from auvident.stages.diagnose.score.left_out import FitsWithout
@@ -39,6 +40,28 @@ def test_a_parameter_at_its_bound_is_known_to_one_side(name, end, bound) -> None
     (found,) = effect_values(case, effect, p, stds)
     assert found.bound == bound
     assert (found.low is None, found.high is None) == (bound == "at most", bound == "at least")
+
+
+@pytest.mark.parametrize(
+    ("name", "matters"),
+    [
+        ("dvl_lever_arm.dx_m", True),
+        ("rudder_stall.angle_deg", True),  # stored as its inverse
+        ("hull_asymmetry.Y_0", False),  # large enough by the offset that does the same
+    ],
+)
+def test_a_size_matters_from_where_the_search_calls_it_large_enough(name, matters) -> None:
+    case, effect = small_case(), name.partition(".")[0]
+    p = case.identified.copy()
+    i = case.position(name)
+    p[i] = case.setup.prior[i] + 3.0 * case.practical([i])[0] * case.setup.prior_std[i]
+    found = next(v for v in effect_values(case, effect, p, None) if name.endswith(f".{v.symbol}"))
+    if not matters:
+        assert found.matters_from is None
+        return
+    internal = parameter_of(name).internal
+    assert found.matters_from is not None
+    assert internal(found.value) == pytest.approx(3.0 * internal(found.matters_from))
 
 
 def test_what_a_servo_may_lend_to_another_delay_is_a_share_of_the_time_for_a_length() -> None:
