@@ -4,6 +4,8 @@ Built-in exceptions that escape the library are bugs; everything a user can caus
 these. Library code never prints and never exits.
 """
 
+from collections.abc import Sequence
+
 BUG_EXIT_CODE = 70  # EX_SOFTWARE of sysexits.h: the program is at fault, not its user
 
 
@@ -54,6 +56,26 @@ class InputError(AuvidentError):
     def __init__(self, problem: str, where: str = "", remedy: str = "", lacks: str = "") -> None:
         super().__init__(problem, where, remedy)
         self.lacks = lacks
+
+
+def together(errors: Sequence[InputError]) -> InputError:
+    """Errors of one log as one, so that they can be put right together; of one it is itself.
+
+    Each problem is told once, and the remedy of each has a line of its own.
+    """
+    first, *others = errors
+    if not others:
+        return first
+    places = list(dict.fromkeys(e.where for e in errors))
+    alone = len(places) == 1
+    problems = [e.problem if alone else f"{e.problem} ({e.where})" for e in errors]
+    remedies = [f"{e.remedy}" for e in errors if e.remedy]
+    return InputError(
+        "; ".join(dict.fromkeys(problems)),
+        places[0] if alone else "",
+        "\n  ".join(dict.fromkeys(remedies)),
+        first.lacks,
+    )
 
 
 class ContradictionError(InputError):

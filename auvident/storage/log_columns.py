@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from auvident.errors import InputError
+from auvident.errors import InputError, together
 from auvident.schema.channels import BY_QUANTITY, CHANNELS, Channel
 from auvident.schema.logs import (
     LONE_ANGLE,
@@ -256,17 +256,23 @@ def resolve(log: LogFile, sensor: str, mapping: SensorMap) -> dict[str, LogColum
     ------
     InputError
         When a mapped column is missing, a quantity has no unit or one that does not fit, two
-        columns hold the same quantity, or a latitude has no longitude.
+        columns hold the same quantity, or a latitude has no longitude; tells of all of them.
     """
     entries = mapping.entries()
-    found = {}
+    found, faults = {}, list[InputError]()
     for channel in of_sensor(sensor):
         entry = entries.get(channel.quantity)
         if entry is not None and entry.column is None:  # a constant
             continue
-        column = _mapped(log, channel, entry) if entry else _by_name(log, channel)
+        try:
+            column = _mapped(log, channel, entry) if entry else _by_name(log, channel)
+        except InputError as fault:
+            faults.append(fault)
+            continue
         if column is not None:
             found[channel.column] = column
+    if faults:
+        raise together(faults)
     return _as_angles(log, found) if sensor == "position" else found
 
 
@@ -425,14 +431,14 @@ def _without_instrument(base: str) -> str:
     return "_".join(words)
 
 
-def missing_channel(
-    channel: Channel, where: str, columns: Mapping[str, Sequence[str]]
+def missing_channels(
+    channels: Sequence[Channel], where: str, columns: Mapping[str, Sequence[str]]
 ) -> InputError:
-    """Error for a needed channel that no file has, with what was found and a map entry.
+    """Error for needed channels that no file has, with what was found and a map entry for each.
 
     Parameters
     ----------
-    channel : Channel
+    channels : sequence of Channel
         What is missing.
     where : str
         File or folder that was searched.
@@ -440,20 +446,24 @@ def missing_channel(
         Columns found, by file name.
     """
     found = "; ".join(f"{file}: {', '.join(names)}" for file, names in columns.items())
+    names = (f"{' or '.join(_log_names(c))} ({c.meaning}) for {c.sensor}" for c in channels)
+    entries = [_likely_entry(c, columns) + _without(c) for c in channels]
+    between, plural = ("\n    ", "s") if len(entries) > 1 else (" ", "")
+    return InputError(
+        f"no column {', none '.join(names)}; found {found or 'nothing'}",
+        where,
+        f"Name the column{plural} in a map (--map; `auvident inspect` proposes one):"
+        + "".join(between + entry for entry in entries),
+        lacks=channels[0].column,
+    )
+
+
+def _likely_entry(channel: Channel, columns: Mapping[str, Sequence[str]]) -> str:
+    """Line of a map for a channel that is missing, with the column that it is likely to be."""
     guesses = [(f, _likely_column(channel, names)) for f, names in columns.items()]
     file, name = next(((f, n) for f, n in guesses if n), ("", "your_column"))
-    suffixes = " or ".join(_log_names(channel))
-    place = entry_text(channel, name)
-    if file:
-        place = place.replace("] ", f'] file = "{file}", ', 1)
-    return InputError(
-        f"no column {suffixes} ({channel.meaning}) for {channel.sensor}; "
-        f"found {found or 'nothing'}",
-        where,
-        f"Name the column in a map (--map; `auvident inspect` proposes one): {place}"
-        + _without(channel),
-        lacks=channel.column,
-    )
+    entry = entry_text(channel, name)
+    return entry.replace("] ", f'] file = "{file}", ', 1) if file else entry
 
 
 def _likely_column(channel: Channel, names: Sequence[str]) -> str | None:

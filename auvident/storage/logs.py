@@ -6,7 +6,7 @@ files named freely with a map. Nothing is resampled or cleaned here but rows tha
 """
 
 import difflib
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 import pyarrow
 
-from auvident.errors import InputError
+from auvident.errors import InputError, together
 from auvident.schema.artifacts import Finding
-from auvident.schema.channels import BY_COLUMN, NEEDED, SENSORS
+from auvident.schema.channels import BY_COLUMN, NEEDED, SENSORS, Channel
 from auvident.schema.logs import (
     FIRST_FEW,
     AttitudeMap,
@@ -32,7 +32,7 @@ from auvident.storage.log_aside import Read, blamed, open_usable, read_usable, s
 from auvident.storage.log_columns import (
     LogColumn,
     listed,
-    missing_channel,
+    missing_channels,
     missing_topic,
     resolve,
     time_column,
@@ -104,17 +104,17 @@ def read_trial(
     column_map = column_map or ColumnMap()
     times = {t for t in (column_map.of(sensor).time for sensor in SENSORS) if t}
     logs, faults = open_usable(source, needed, lambda path: open_logs(path, times))
-    columns: dict[str, dict[str, LogColumn]] = {}
-    homes: dict[str, LogFile] = {}
-    for sensor in SENSORS:
-        log = _home(source, logs, sensor, column_map)
-        if log is not None:
-            columns[sensor] = resolve(log, sensor, column_map.of(sensor))
-            homes[sensor] = log
+    found = ((sensor, _home(source, logs, sensor, column_map)) for sensor in SENSORS)
+    homes = {sensor: log for sensor, log in found if log is not None}
+    columns, unusable = _resolved(homes, column_map)
     elsewhere = {*column_map.constants(), *column_map.derive.columns}
     logged = [column for column in needed if column not in elsewhere]
-    with blamed(faults):
-        _refuse_missing(source, logs, columns, homes, logged)
+    missing = _missing(source, logs, columns, homes, logged)
+    if unusable:
+        raise together([*unusable, *missing])
+    if missing:
+        with blamed(faults):
+            raise together(missing)
     homes = {sensor: log for sensor, log in homes.items() if columns[sensor]}
     sensors, origins = read_usable(
         homes, needed, lambda own: _read_sensors(own, columns, column_map), faults
@@ -197,23 +197,46 @@ def _of_topic(searched: Tables, topic: str, sensor: str, source: TrialSource) ->
     )
 
 
-def _refuse_missing(
+def _resolved(
+    homes: Mapping[str, LogFile], column_map: ColumnMap
+) -> tuple[dict[str, dict[str, LogColumn]], list[InputError]]:
+    """Columns of each sensor, and what is wrong with those of the others."""
+    columns: dict[str, dict[str, LogColumn]] = {}
+    faults: list[InputError] = []
+    for sensor, log in homes.items():
+        try:
+            columns[sensor] = resolve(log, sensor, column_map.of(sensor))
+        except InputError as fault:
+            faults.append(fault)
+    return columns, faults
+
+
+def _missing(
     source: TrialSource,
     logs: dict[Path, Tables],
-    columns: dict[str, dict[str, LogColumn]],
-    homes: dict[str, LogFile],
+    columns: Mapping[str, dict[str, LogColumn]],
+    homes: Mapping[str, LogFile],
     needed: Collection[str],
-) -> None:
-    for column in needed:
-        channel = BY_COLUMN[column]
-        if column in columns.get(channel.sensor, {}):
-            continue
-        home = homes.get(channel.sensor)
-        searched = [home] if home else [log for tables in logs.values() for log in tables]
-        where = home.where if home is not None else str(source.place)
+) -> list[InputError]:
+    """Errors of the needed channels that are nowhere, those of one file in one."""
+    all_of_them = [log for tables in logs.values() for log in tables]
+    lacking: dict[str, list[Channel]] = {}
+    for channel in (BY_COLUMN[column] for column in needed):
+        is_known = channel.sensor in columns or channel.sensor not in homes
+        if is_known and channel.column not in columns.get(channel.sensor, {}):
+            home = homes.get(channel.sensor)
+            lacking.setdefault(home.where if home else str(source.place), []).append(channel)
+    found = []
+    for where, channels in lacking.items():
+        home = homes.get(channels[0].sensor)
+        searched = [home] if home else all_of_them
         if searched[0].topic:
-            raise missing_topic(channel, where, [log.label for log in searched])
-        raise missing_channel(channel, where, {log.label: log.names for log in searched})
+            labels = [log.label for log in searched]
+            found += [missing_topic(channel, where, labels) for channel in channels]
+        else:
+            names = {log.label: log.names for log in searched}
+            found.append(missing_channels(channels, where, names))
+    return found
 
 
 def _read_sensors(

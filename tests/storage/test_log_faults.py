@@ -60,6 +60,31 @@ def test_missing_column(tmp_path):
     )
 
 
+def test_all_that_is_wrong_with_the_columns_of_a_log_is_told_at_once(tmp_path):
+    """Four runs of the program were needed to hear of what is missing in this log."""
+    path = tmp_path / "run.csv"
+    table = wide_table()[["time_s", "u_mps", "v_mps"]]
+    table.rename(columns={"u_mps": "u", "v_mps": "v"}).to_csv(path, index=False)
+    message = refused(
+        path,
+        "column u (surge velocity of the DVL) has no unit; column v (sway velocity of the DVL)",
+        "no column r_radps or r_degps (yaw rate) for gyro, none rudder_rad or rudder_deg",
+        "\n  Name it v_mps or v_kn or v_cmps or v_mmps or v_kmph or v_ftps, or state the unit",
+        '\n    [gyro] r = { column = "your_column", unit = "degps" }; where nothing measured it',
+        '\n    [rpm] rpm = { column = "your_column", unit = "rpm" }; where it was not logged',
+    )
+    assert message.count("found run.csv: time_s, u, v") == message.count(str(path)) == 1
+
+
+def test_columns_of_several_files_are_told_with_their_files(tmp_path):
+    tables = sensor_tables()
+    tables["dvl"] = tables["dvl"].rename(columns={"u_mps": "u"})
+    tables["gyro"] = tables["gyro"].rename(columns={"r_degps": "r"})
+    folder = write_folder(tmp_path / "run", tables)
+    for file, column in (("dvl", "u"), ("gyro", "r")):
+        refused(folder, f"column {column} (", f"has no unit ({folder / file}.csv)")
+
+
 def test_missing_time_column(tmp_path):
     path = wide_file(tmp_path, lambda text: text.replace("time_s", "t"))
     refused(path, path, "no time column", "t, u_mps", 'time = "t"')
