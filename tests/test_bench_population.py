@@ -14,7 +14,16 @@ from tests.bench import __main__ as bench
 from tests.bench import halves, population
 from tests.bench.effects_truth import RATES, SPEEDS, cross_flow, planted_of
 from tests.bench.population_bars import bars
-from tests.bench.population_score import STATES, clean_state, is_wrong, last_line, scored, tables
+from tests.bench.population_score import (
+    BY_LIKELIHOOD,
+    STATES,
+    chance_row,
+    clean_state,
+    is_wrong,
+    last_line,
+    scored,
+    tables,
+)
 from tests.bench.population_trial import (
     CHANNELS,
     band_coverage,
@@ -72,6 +81,15 @@ def test_single_trials_are_told_of_the_half_that_may_be_looked_at():
     wrong = [scored(outcome_with())]
     assert "trials that went wrong" in tables(wrong, CLASSES, with_seeds=True)
     assert "trials that went wrong" not in tables(wrong, CLASSES, with_seeds=False)
+
+
+def test_what_likelihood_alone_would_name_is_counted_without_what_the_vehicle_has():
+    best = max(c["gain"] for c in outcome_with()["diagnosis"]["candidates"])
+    clean = outcome_with()
+    name = max(clean["diagnosis"]["candidates"], key=lambda c: c["gain"])["id"]
+    its_own = outcome_with(own={name: {"visible": True}})
+    assert scored(clean).likelihood == best > BY_LIKELIHOOD > scored(its_own).likelihood
+    assert chance_row([scored(clean), scored(its_own)])["gain > 10 nats"] == 1
 
 
 @pytest.mark.parametrize("half", halves.HALVES)

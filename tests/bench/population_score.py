@@ -17,6 +17,7 @@ VELOCITIES = ("u", "v", "w", "q", "r")
 # Of the power of what a part of the vehicle changes, the share that an effect as it is said has to
 # make good to stand for it: so it has the right form, the right sign and about the right size.
 STANDS_FOR = 0.5
+BY_LIKELIHOOD = 10.0  # [nats] by chance so much comes of two parameters once in 20,000 trials
 STATES = ("failed", "none", "own", "named", "unexplained")
 
 Table = list[dict[str, Any]]
@@ -39,7 +40,8 @@ class Drawn:
     model predicts the identifying maneuvers worse when they are left out, ``surely_worse``: by
     more than the standard error (None where nothing was refined). ``chance`` is the least ``p`` of
     the candidates that are large enough and that the vehicle has not of itself; 1 without any;
-    ``strength`` the largest of the same.
+    ``strength`` the largest of the same. ``likelihood`` is the most that a candidate which the
+    vehicle has not of itself gains where it was fitted [nats].
     ``broken``: of each model that was written, whether it breaks what physics knows (`physical`).
     """
 
@@ -67,6 +69,7 @@ class Drawn:
     surely_worse: bool | None = None
     chance: float = 1.0
     strength: float = 0.0
+    likelihood: float = 0.0
     broken: tuple[bool, ...] = ()
 
 
@@ -110,6 +113,9 @@ def scored(outcome: Row) -> Drawn:
         broken=tuple(bool(what) for what in outcome.get("broken", {}).values()),
         chance=least_chance(found, sees),
         strength=most_strength(found, sees),
+        likelihood=max(
+            (c["gain"] for c in found.get("candidates", ()) if c["id"] not in sees), default=0.0
+        ),
     )
 
 
@@ -204,8 +210,14 @@ def clean_row(rows: Scores) -> dict[str, Any]:
 
 
 def chance_row(rows: Scores) -> dict[str, Any]:
-    """Whether `least_chance` is uniform, or cautious; see `effects_score.uniformity`."""
-    return uniformity([s.chance for s in rows if s.kind == "none" and s.clean != "failed"])
+    """Whether `least_chance` is uniform, or cautious; see `effects_score.uniformity`.
+
+    The last column is why no chance could be uniform by likelihood: how many of the trials have a
+    candidate that gains more than `BY_LIKELIHOOD`, though nothing is planted.
+    """
+    clean = [s for s in rows if s.kind == "none" and s.clean != "failed"]
+    gains = {f"gain > {BY_LIKELIHOOD:g} nats": sum(s.likelihood > BY_LIKELIHOOD for s in clean)}
+    return uniformity([s.chance for s in clean]) | gains
 
 
 def planted_row(rows: Scores) -> dict[str, Any]:
