@@ -30,7 +30,8 @@ class Body(Declared):
     """``[vehicle]``: mass properties about the origin O.
 
     ``buoyancy_std_n``, ``x_g_std_m`` and ``z_g_std_m`` say how well the ballasting is known: weight
-    in water, trim and height of the centre of gravity. Zero holds what the file says.
+    in water, trim and height of the centre of gravity. Zero holds what the file says, and the trim
+    at level, whatever ``x_g_m``: it says nothing of the centre of buoyancy.
     """
 
     name: str = "unnamed vehicle"
