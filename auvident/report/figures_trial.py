@@ -35,6 +35,7 @@ ROWS = (
     (("r_radps",), "yaw rate r"),
     (("q_radps",), "pitch rate q"),
     (("heading_rad",), "heading"),
+    (("pitch_rad",), "pitch"),
     (("depth_m",), "depth"),
 )
 # columns that show in one plane alone

@@ -254,13 +254,19 @@ def _hull(vehicle: Vehicle) -> dict[str, Cell]:
 
 def _mass(vehicle: Vehicle) -> dict[str, Cell]:
     body, length = vehicle.body, vehicle.hull.length_m
-    gyration = (body.izz_kgm2 / body.mass_kg) ** 0.5 / length
     told: dict[str, Cell] = {"mass m": Quantity(body.mass_kg, "kg", 4)}
     volume = body.displaced_volume_m3 or vehicle.hull.displaced_volume_m3
     if volume is not None:
         told["displaced volume"] = Quantity(volume, "m^3", 4)
     told["centre of gravity from O, x_G"] = Quantity(body.x_g_m, "m")
-    told["radius of gyration k_zz"] = Number(gyration, behind=" L")
+    if body.z_g_m:
+        told["centre of gravity from O, z_G"] = Quantity(body.z_g_m, "m")
+    if body.buoyancy_n is not None:
+        told["buoyancy B"] = Quantity(body.buoyancy_n, "N", 4)
+    for axis, inertia in (("yy", body.iyy_kgm2), ("zz", body.izz_kgm2)):
+        if inertia is not None:
+            gyration = (inertia / body.mass_kg) ** 0.5 / length
+            told[f"radius of gyration k_{axis}"] = Number(gyration, behind=" L")
     return told
 
 

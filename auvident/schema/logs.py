@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 DEG = 0.017453292519943295  # rad per degree
 KNOT = 1852.0 / 3600.0  # m/s per knot
 FOOT = 0.3048  # m per foot
+RPM_OF_RADPS = 9.549296585513721  # rev/min per rad/s
 
 # Unit of a column (suffix or map) -> unit of the channel it fits, factor to that unit.
 UNITS: dict[str, tuple[str, float]] = {
@@ -45,6 +46,9 @@ PERCENT_REMEDY = (
 )
 PERCENT_OF_FIN = (
     ': give the unit that scale makes of it, the degrees of one percent: unit = "deg", scale = 0.25'
+)
+RADPS_OF_PROPELLER = (
+    f': rad/s is unit = "rpm", scale = {RPM_OF_RADPS:.7g}'  # no unit: gyros have it, too
 )
 AS_ANGLES = ("north", "east")  # also of latitude and longitude, always both
 LONE_ANGLE = (
@@ -148,6 +152,7 @@ class SensorMap(Declared):
                 allowed = ", ".join(units_for(quantity))
                 share = (entry.unit or "").strip().lower() in PERCENT
                 remedy = PERCENT_OF_FIN if share and name is None else ""
+                remedy = RADPS_OF_PROPELLER if (quantity, name) == ("rpm", "radps") else remedy
                 raise ValueError(
                     f"unit {entry.unit!r} of {quantity} is not one of {allowed}{remedy}"
                 )

@@ -6,7 +6,7 @@ file are degrees (suffix), stations ``x_m`` are body-frame coordinates (forward 
 
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from auvident.schema.base import Declared
 from auvident.schema.coefficients import ESTIMATED
@@ -24,13 +24,17 @@ FinKind = Literal["rudder", "elevator", "sail"]
 STATION_CHORD_SHARE = 0.375
 # Of a drag coefficient: REMUS has 0.267 in the tow tank and 0.2 at sea (Prestero).
 DRAG_SHARE = 0.15
+SEVERAL_PROPELLERS = (
+    "is one table: of equal propellers at one rate give kt0 and kt1 of one times their number"
+)
 
 
 class Body(Declared):
     """``[vehicle]``: mass properties about the origin O.
 
     ``buoyancy_std_n``, ``x_g_std_m`` and ``z_g_std_m`` say how well the ballasting is known: weight
-    in water, trim and height of the centre of gravity. Zero holds what the file says.
+    in water, trim and height of the centre of gravity. Zero holds what the file says, and the trim
+    at level, whatever ``x_g_m``: it says nothing of the centre of buoyancy.
     """
 
     name: str = "unnamed vehicle"
@@ -326,6 +330,13 @@ class Vehicle(Declared):
     signs: Signs = Signs()
     coefficients: dict[str, Known] = {}
     ase: AseOptions = AseOptions()
+
+    @field_validator("propeller", mode="before")
+    @classmethod
+    def _one_propeller(cls, given: Any) -> Any:
+        if isinstance(given, list):
+            raise ValueError(SEVERAL_PROPELLERS)
+        return given
 
     @model_validator(mode="after")
     def _symbols_are_known(self) -> Self:

@@ -12,6 +12,7 @@ from auvident.schema.channels import BY_QUANTITY, CHANNELS, Channel
 from auvident.schema.logs import (
     LONE_ANGLE,
     PERCENT,
+    RPM_OF_RADPS,
     UNITS,
     ColumnEntry,
     Derive,
@@ -395,6 +396,8 @@ def entry_text(channel: Channel, name: str, unit: str | None = None) -> str:
     is_share = name.strip().lower().rpartition("_")[2] in PERCENT
     is_other = is_share or unit not in (None, fits)
     scale = ", scale = ..." if channel.kind == "input" and is_other else ""
+    if channel.unit == "1/min" and unit == "radps":
+        scale = f", scale = {RPM_OF_RADPS:.7g}"
     entry = f'{{ column = "{name}", unit = "{fits}"{scale} }}'
     return f"[{channel.sensor}] {channel.quantity} = {entry}"
 

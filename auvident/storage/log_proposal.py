@@ -8,7 +8,15 @@ import numpy as np
 from auvident.errors import InputError
 from auvident.schema.channels import Channel
 from auvident.schema.holding import seems_on_change
-from auvident.schema.logs import KNOT, PERCENT, UNITS, SensorMap, is_angle_for, unit_name
+from auvident.schema.logs import (
+    KNOT,
+    PERCENT,
+    RPM_OF_RADPS,
+    UNITS,
+    SensorMap,
+    is_angle_for,
+    unit_name,
+)
 from auvident.storage.log_columns import split_unit
 from auvident.storage.log_file import LogFile
 from auvident.storage.log_geographic import from_first_fix
@@ -27,7 +35,6 @@ RANGE_UNITS: dict[str, tuple[tuple[str, float], ...]] = {
     "1/min": (("rps", 40.0), ("rpm", np.inf)),
     "m": (("m", np.inf),),
 }
-RPM_OF_RADPS = 30.0 / np.pi
 FIN_LIMIT = 1.6  # rad: a fin beyond 90 degrees is in degrees
 CHORD_S = 10.0  # over which a speed is taken from the position
 LEAST_MPS = 0.3  # a slower vehicle may be drifting

@@ -1,6 +1,7 @@
 """Lines keep what matters when they are thinned; figures show gaps, and bear wild predictions."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -154,6 +155,15 @@ def test_trials_end_to_end_keep_their_maneuvers() -> None:
     with style():
         text = timeline(trials, marks, "a")
     assert "b-turn-1" in text and "c-turn-1" in text and "elsewhere" not in text
+
+
+def test_a_dive_has_its_pitch_at_a_glance_and_a_turn_has_none() -> None:
+    level = trial()
+    dives = replace(level, table=level.table.assign(pitch_rad=0.1, q_radps=0.0, elevator_rad=0.1))
+    diving = maneuver().model_copy(update={"plane": "vertical", "planes": ("vertical",)})
+    with style():
+        assert ">pitch, deg<" in timeline([dives], [diving], "a")
+        assert ">pitch, deg<" not in timeline([dives], [maneuver()], "a")
 
 
 def test_few_trials_stand_apart() -> None:

@@ -156,3 +156,12 @@ def test_particulars_have_what_the_vehicle_file_states(found: StandardManeuvers)
     assert rows["L/U"] == "20.0\u00a0s"
     assert rows["radius of gyration k_zz"] == "0.249 L"
     assert rows["Froude number"] == "0.16"  # 5 m/s over the root of 9.81 x 100
+    assert not {"radius of gyration k_yy", "buoyancy B"} & set(rows)
+
+
+def test_particulars_of_a_vehicle_that_dives_have_its_ballast(found: StandardManeuvers) -> None:
+    vehicle = load_vehicle(SAMPLES / "tern180.toml")
+    rows = dict(written(particulars(vehicle, None, found), PAGE).rows)
+    assert rows["centre of gravity from O, z_G"] == "0.0300\u00a0m"
+    assert rows["buoyancy B"] == "602.0\u00a0N"
+    assert rows["radius of gyration k_yy"] == "0.264 L"  # the root of 13.8/61.2 over 1.8 m

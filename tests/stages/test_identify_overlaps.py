@@ -12,6 +12,7 @@ from auvident.engines.setup import Setup
 from auvident.errors import NumericsError
 from auvident.schema.artifacts import Maneuver, Maneuvers
 from auvident.schema.channels import BY_COLUMN
+from auvident.schema.logs import DEG
 from auvident.schema.trial import Trial
 from auvident.stages.identify import Identification, prepare
 from tests.engines.chain import identified, plan_named, sample
@@ -152,3 +153,28 @@ def test_no_reading_at_all_is_an_error_with_what_to_check() -> None:
     names = [m.id for m in of_sample("identify")]
     with pytest.raises(NumericsError, match="no maneuver for identification has a reading"):
         sample(NAME).identify("vertical", trials=silent(*names))
+
+
+# --- a vertical plane without pitch --------------------------------------------------------
+
+
+def test_a_plane_without_pitch_says_to_hold_the_trim_and_with_it_held_predicts() -> None:
+    """Trim and pitch go together: free, the pitch of this dive is predicted 12 degrees off."""
+    (trial,) = sample(NAME).trials
+    level = replace(trial, table=trial.table.drop(columns="pitch_rad"))
+    noise = {column: std for column, std in sample(NAME).noise.items() if column != "pitch_rad"}
+    chain = replace(sample(NAME), trials=(level,), noise=noise)
+    whole = plan_named("refined")
+    free = chain.identify("vertical", plan=whole).model
+    (said,) = [f for f in free.findings if f.code == "pitch-not-logged"]
+    assert "x_g_std_m = 0" in said.remedy
+    held = chain.with_body(x_g_std_m=0.0).identify("vertical", plan=whole).model
+    assert not [f for f in held.findings if f.code == "pitch-not-logged"]
+    wrong, right = (sample(NAME).validate(model) for model in (free, held))
+    errors = [v.metrics.summary["validate"]["pitch"].rmse for v in (wrong, right)]
+    assert errors[0] > 5 * DEG and errors[1] < 1.5 * DEG
+
+
+def test_a_pitch_that_is_logged_is_no_finding() -> None:
+    model = identified(NAME, "vertical").model
+    assert "pitch-not-logged" not in {f.code for f in model.findings}

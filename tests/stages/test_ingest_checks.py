@@ -24,6 +24,7 @@ from auvident.stages.ingest.checks import (
     corrected,
     rudder,
     run_checks,
+    throttle,
 )
 from auvident.stages.ingest.checks.correction import mixed, scaled
 from auvident.stages.ingest.still import OF_MOTION
@@ -163,6 +164,7 @@ DAMAGED = {
     "rpm negative": (times(-1.0, "rpm"), "rpm_sign", True),
     "rpm constant": ({"rpm": lambda x: 0 * x + np.nanmedian(x)}, "rpm_constant", False),
     "rpm in rev/s": (times(1 / 60, "rpm"), "advance_ratio", False),
+    "rpm in rad/s": (times(np.pi / 30, "rpm"), "rpm_scale", True),
     "rev/s, by speed": (times(1 / 60, "rpm"), "rpm_scale", True),
     "pulses about 1500 us": ({"rpm": lambda x: 1500.0 + 0.2 * x}, "rpm_scale", False),
     "per cent of a throttle": (times(0.05, "rpm"), "rpm_scale", False),
@@ -202,6 +204,7 @@ def test_a_damaged_trial_contradicts(damage):
 
 def test_a_unit_that_fits_is_named():
     for damage, words in {
+        "rpm in rad/s": "rad/s in an rpm column?",
         "depth in feet": "feet logged as metres?",
         "half of the rpm": "Or another vehicle's file?",
     }.items():
@@ -228,6 +231,13 @@ def test_pulses_of_a_throttle_are_told_from_a_rate(rest, begins):
     assert 'column = "rpm", unit = "rpm", scale = S' in made.remedy
     assert rows_of["speed_scale"].outcome != "contradicts"
     assert made.value == pytest.approx(rest, abs=60.0)
+
+
+def test_radians_of_a_slow_propeller_may_be_per_cent(monkeypatch):
+    monkeypatch.setattr(throttle, "MOST_PERCENT", 200.0)
+    slow = on_the_grid(**times(np.pi / 30, "rpm"))["rpm_scale"]
+    assert "per cent" in slow.message and "or rad/s in an rpm column" in slow.message
+    assert not slow.fix
 
 
 def test_a_throttle_is_named_and_a_rate_that_is_held_is_none():

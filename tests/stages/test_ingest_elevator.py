@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from auvident.errors import InputError
+from auvident.errors import ContradictionError, InputError
+from auvident.schema.channels import BY_COLUMN
 from auvident.schema.logs import RawTrial
-from auvident.stages.ingest import ingest
+from auvident.stages.ingest import ingest, ingest_fixed
 from auvident.stages.ingest.held import Votes, held_steps
 from auvident.stages.ingest.response import Relation
 from auvident.stages.ingest.signs import LEAST_STEPS, refuse_elevator_sign
@@ -107,3 +108,67 @@ def test_a_hull_that_answers_slowly_is_not_taken_for_a_reversed_elevator(tmp_pat
     assert quality.checks["elevator_sign"]["response_1pm2"] > 0.0
     with pytest.raises(InputError, match="elevator sign contradicts"):
         ingest(reversed_elevator(raw), boat)
+
+
+def reversed_channels(raw: RawTrial, *columns: str) -> RawTrial:
+    sensors = dict(raw.sensors)
+    for column in columns:
+        s = sensors[BY_COLUMN[column].sensor]
+        sensors[s.sensor] = replace(s, values={**s.values, column: -s.values[column]})
+    return replace(raw, sensors=sensors)
+
+
+Q, PITCH, W, DEPTH = "q_radps", "pitch_rad", "w_mps", "depth_m"
+
+
+@pytest.mark.parametrize(
+    ("turned", "absent", "name", "said"),
+    [
+        ((Q,), (), "pitch_rate_scale", "q_degps looks positive bow down"),
+        ((Q,), ("depth",), "pitch_rate_scale", "q_degps looks positive bow down"),
+        ((Q, PITCH), (), "pitch_sign", "pitch and q_degps look positive bow down"),
+        ((Q, PITCH, W, DEPTH), (), "pitch_sign", "pitch, q, w and depth look like"),
+        ((Q, PITCH, DEPTH), (), "pitch_sign", "pitch, q and depth look like"),
+    ],
+)
+def test_a_gyro_of_the_other_sign_is_not_told_as_the_elevator(turned, absent, name, said):
+    """The one correction that is named leaves nothing that contradicts, and all as it was."""
+    (raw,) = read_trials([SAMPLES / "dive_trial"])
+    raw = replace(raw, sensors={k: s for k, s in raw.sensors.items() if k not in absent})
+    boat = load_vehicle(SAMPLES / "remus100.toml")
+    wrong = reversed_channels(raw, *turned)
+    with pytest.raises(ContradictionError, match=said) as refused:
+        ingest(wrong, boat)
+    assert f"--fix {name}" in refused.value.remedy and "q_degps" in refused.value.where
+    done = ingest_fixed(wrong, boat, [name])
+    assert not [c.name for c in done.quality.checks_made if c.outcome == "contradicts"]
+    assert done.trial.table.equals(ingest(raw, boat)[0].table)
+
+
+def test_a_pitch_that_contradicts_the_pitch_rate_is_turned_where_the_elevator_fits_the_rate():
+    """Without a depth q was turned, and the elevator refused from then on."""
+    (raw,) = read_trials([SAMPLES / "dive_trial"])
+    raw = replace(raw, sensors={k: s for k, s in raw.sensors.items() if k != "depth"})
+    boat = load_vehicle(SAMPLES / "remus100.toml")
+    done = ingest_fixed(reversed_channels(raw, PITCH), boat, ["pitch_rate_scale"])
+    assert done.quality.fixed == {"pitch_rate_scale": "pitch_rad = -1 pitch_rad"}
+    assert not [c.name for c in done.quality.checks_made if c.outcome == "contradicts"]
+
+
+def test_where_elevator_and_depth_disagree_on_the_pitch_none_is_turned():
+    (raw,) = read_trials([SAMPLES / "dive_trial"])
+    boat = load_vehicle(SAMPLES / "remus100.toml")
+    _, quality = ingest(reversed_channels(raw, "elevator_rad", Q), boat)
+    (made,) = (c for c in quality.checks_made if c.outcome == "contradicts")
+    assert made.name == "pitch_rate_scale" and not made.fix
+    assert "the elevator fits the pitch rate, but the depth the pitch" in made.message
+
+
+def test_a_dive_that_is_negative_throughout_is_told_though_all_agrees():
+    """Forward-left-up, with an elevator that fits: the weight in water has the other sign."""
+    (raw,) = read_trials([SAMPLES / "dive_trial"])
+    boat = load_vehicle(SAMPLES / "remus100.toml")
+    upward = reversed_channels(raw, "elevator_rad", Q, PITCH, W, DEPTH)
+    made = {c.name: c for c in ingest(upward, boat)[1].checks_made}["pitch_sign"]
+    assert made.outcome == "contradicts" and "negative throughout" in made.message
+    assert not made.fix

@@ -5,8 +5,10 @@ import os
 import numpy as np
 import pytest
 from log_world import sensor_tables, wide_table, write_folder
+from pydantic import ValidationError
 
 from auvident.errors import InputError
+from auvident.schema.logs import ColumnMap
 from auvident.storage.log_inspect import inspect_log
 from auvident.storage.logs import read_trials
 
@@ -100,6 +102,13 @@ def test_known_quantity_without_unit(tmp_path, name):
 def test_unit_of_another_dimension(tmp_path):
     path = wide_file(tmp_path, lambda text: text.replace("u_mps", "u_deg"))
     refused(path, "u_deg", "does not fit", "u_mps or u_kn")
+
+
+def test_a_propeller_rate_in_radians_is_told_its_scale(tmp_path):
+    path = wide_file(tmp_path, lambda text: text.replace("rpm", "n_radps", 1))
+    refused(path, "n_radps", 'unit = "rpm", scale = 9.549297')
+    with pytest.raises(ValidationError, match=r'rad/s is unit = "rpm", scale = 9.549297'):
+        ColumnMap.model_validate({"rpm": {"rpm": {"column": "n_radps", "unit": "rad/s"}}})
 
 
 def test_label_that_contradicts_the_suffix(tmp_path):

@@ -259,3 +259,11 @@ def test_a_list_of_tables_that_is_written_as_one_says_how(tmp_path):
     one = f"{head}[fin]{fin.partition('[[fin]]')[0]}"
     assert "[fin] is one of a list of tables: write [[fin]]" in refused(tmp_path, one)
     assert "[[name]]" in refused(tmp_path, REMUS.replace("[[fin]]", "[fin]"))
+
+
+def test_two_propellers_are_told_to_be_one_table(tmp_path):
+    table = "[[propeller]]\ndiameter_m = 0.14\nkt0 = 0.3\nkt1 = -0.4\n"
+    without = re.sub(r"\[propeller\]\n(?:[^\[\n].*\n|\n)*", "", REMUS)
+    said = refused(tmp_path, without + table + table)
+    assert "[propeller] is one table" in said and "times their number" in said
+    assert "diameter_m" not in said  # no dump of what was written

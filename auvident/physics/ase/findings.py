@@ -59,6 +59,22 @@ def findings(
             )
     yield from _propeller_findings(vehicle, values)
     yield from _mass_findings(vehicle, values)
+    yield from _ballast_findings(vehicle)
+
+
+def _ballast_findings(vehicle: Vehicle) -> Iterator[Finding]:
+    """A centre of gravity with which the vehicle turns over at rest."""
+    if vehicle.body.z_g_m < 0.0:
+        yield Finding(
+            code="gravity_above",
+            message="The centre of gravity lies above the axis, on which that of buoyancy is "
+            "taken to be: such a vehicle turns over at rest.",
+            where="[vehicle] z_g_m",
+            value=vehicle.body.z_g_m,
+            threshold=0.0,
+            remedy="z_g_m is positive below the origin; check its sign, and count it from the "
+            "centre of buoyancy.",
+        )
 
 
 def _mass_findings(vehicle: Vehicle, values: Mapping[str, float]) -> Iterator[Finding]:

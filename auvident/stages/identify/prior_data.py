@@ -48,7 +48,11 @@ REMEDIES: dict[Group, str] = {
 }
 OF_THE_FILE = {
     "W-B": _OfTheFile("the weight in water", "Check mass_kg and buoyancy_n in the vehicle file."),
-    "x_GW": _OfTheFile("the trim moment", "Check the ballasting, or state x_g_std_m."),
+    "x_GW": _OfTheFile(
+        "the trim moment",
+        "Check the ballasting, or state x_g_std_m: in metres what this moment is over the weight, "
+        "or more.",
+    ),
     "z_GW": _OfTheFile("the righting moment", "Check z_g_m and mass_kg in the vehicle file."),
 }
 ORIGINS = {"ase": "the estimate of", "given": "the given value of"}

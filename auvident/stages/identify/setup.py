@@ -11,6 +11,7 @@ import numpy.typing as npt
 from auvident.constants import GRAVITY_MPS2
 from auvident.engines.carried import Carried
 from auvident.engines.records import (
+    ANGLE,
     STATE_COLUMNS,
     Record,
     frame_of,
@@ -47,6 +48,7 @@ Array = npt.NDArray[Any]
 # fibre-optic or MEMS rate gyro, a compass.
 DEFAULT_STD = {"m/s": 5.0e-3, "rad/s": 1.0e-3, "rad": 5.0e-3}
 
+TRIM = "x_GW"
 OMITTED = "appendages"  # part of the estimate for what a sketch does not show
 
 
@@ -167,6 +169,30 @@ def unread_findings(
             remedy="Check the sensors' drop-outs in the ingested log.",
         )
         for m in lost
+    ]
+
+
+def pitch_findings(setup: Setup, ase: AseResult) -> list[Finding]:
+    """A vertical plane without a reading of the pitch, whose trim is not held.
+
+    The fit may then have the whole record pitched by any angle that a trim moment balances: on a
+    sample trial it predicts a pitch that is 12 degrees off, and with the trim held 0.8.
+    """
+    if setup.structure.plane != "vertical":
+        return []
+    records = [record for _, record in setup.records.values()]
+    free = any(row.symbol == TRIM and row.std > 0.0 for row in ase.constants)
+    if not free or any(np.isfinite(r.measured[:, ANGLE]).any() for r in records):
+        return []
+    return [
+        Finding(
+            code="pitch-not-logged",
+            where=f"{TRIM}, z_GW",
+            message="the pitch is not logged: maneuvers are taken to begin level, and trim, "
+            "righting moment and predicted pitch may be far off together",
+            remedy="Log the pitch. Or, of a vehicle that is ballasted to lie level, hold the trim "
+            "at that: x_g_std_m = 0 under [vehicle] of the vehicle file.",
+        )
     ]
 
 

@@ -47,7 +47,7 @@ from auvident.stages.identify.result import (
     scatter_matrix,
     states_of,
 )
-from auvident.stages.identify.setup import prepare, unread_findings
+from auvident.stages.identify.setup import pitch_findings, prepare, unread_findings
 from auvident.stages.identify.shared import Shared, with_both
 from auvident.stages.identify.step_length import step_findings
 from auvident.stages.identify.warm_up import compile_first
@@ -155,6 +155,7 @@ def identify(
     end = _concluded(setup, runs)
     findings = overlap_findings(trials, maneuvers, plane)
     findings += unread_findings(trials, maneuvers, plane, setup)
+    findings += pitch_findings(setup, ase)
     model = _judged(setup, end, ase, vehicle, carried, [*findings, *end.findings])
     model = with_both(model, shared, ase) if shared else model
     history = history_of(setup, [step for steps, _ in runs for step in steps])

@@ -50,6 +50,7 @@ class Aligned:
     heading: Relation | None = None
     rudder: Relation | None = None
     sign: RudderSign | None = None
+    elevator: int = 0
     checks_made: tuple[CheckMade, ...] = ()
 
 
@@ -93,7 +94,9 @@ def check_alignment(raw: RawTrial, trial: Trial, vehicle: Vehicle) -> Aligned:
     ]
     told = evidence(sign, held, pitching, heading, elevator)
     made = (*clocks.checks, *untested)
-    return Aligned(clocks.alignment, told, tuple(findings), heading, sign, judged, made)
+    return Aligned(
+        clocks.alignment, told, tuple(findings), heading, sign, judged, elevator.sign, made
+    )
 
 
 def _grip(records: list[Signals]) -> float:

@@ -6,6 +6,7 @@ from typing import Protocol
 import numpy as np
 
 from auvident.constants import MEDIAN_OF_ABS_TO_STD
+from auvident.errors import ContradictionError
 from auvident.schema.artifacts import Finding
 from auvident.schema.channels import CHANNELS, RECORD_COLUMN, TIME_COLUMN
 from auvident.schema.holding import seems_on_change
@@ -19,7 +20,7 @@ from auvident.schema.logs import (
 from auvident.schema.trial import Trial
 from auvident.schema.vehicle import Vehicle
 from auvident.stages.ingest.alignment import check_alignment
-from auvident.stages.ingest.checks import Seen, run_checks
+from auvident.stages.ingest.checks import Seen, run_checks, with_the_gyro_at_fault
 from auvident.stages.ingest.clean import CleanSensor, Series
 from auvident.stages.ingest.clocks import not_of_the_depth
 from auvident.stages.ingest.outliers import noise_std, resolution
@@ -56,10 +57,12 @@ def report(
     time = trial.table[TIME_COLUMN].to_numpy()
     own = tuple(_sensor(s, plans, columns) for s in sensors.values() if s.series)
     absent = tuple(c.column for c in CHANNELS if c.column not in columns)
-    aligned = check_alignment(raw, trial, vehicle)
-    made, contradicted = run_checks(
-        Seen(raw, trial, vehicle, aligned.heading, aligned.rudder, aligned.sign)
-    )
+    try:
+        aligned = check_alignment(raw, trial, vehicle)
+    except ContradictionError as error:
+        raise with_the_gyro_at_fault(error, Seen(raw, trial, vehicle)) from error
+    signs = (aligned.heading, aligned.rudder, aligned.sign, aligned.elevator)
+    made, contradicted = run_checks(Seen(raw, trial, vehicle, *signs))
     clocks, of_clocks = not_of_the_depth(aligned.checks_made, aligned.findings, made)
     findings = (
         *contradicted,

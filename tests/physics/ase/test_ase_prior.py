@@ -83,3 +83,9 @@ def test_added_masses_with_which_nothing_can_move_are_told(given, plane):
     found = [f.message for f in result.findings if f.code == "impossible_mass"]
     assert len(found) == (plane is not None)
     assert all(f"the {plane} plane" in message for message in found)
+
+
+@pytest.mark.parametrize(("height_m", "told"), [(-0.02, True), (0.0, False), (0.02, False)])
+def test_a_centre_of_gravity_above_that_of_buoyancy_is_told(height_m, told):
+    found = estimate(changed(load("remus"), vehicle={"z_g_m": height_m})).findings
+    assert ("gravity_above" in {f.code for f in found}) == told

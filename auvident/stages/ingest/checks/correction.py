@@ -2,7 +2,8 @@
 
 A correction is written as text, for the record and for people: ``u_mps = 0.514444 u_mps; ...``,
 each channel a multiple of one channel of the same sensor, less an offset where it has one
-(``r_radps = 1 r_radps - 0.0123``). `EARTH` turns north and east into ahead and starboard.
+(``r_radps = 1 r_radps - 0.0123``). Channels may be of several sensors. `EARTH` turns north and
+east into ahead and starboard.
 """
 
 from collections.abc import Mapping
@@ -39,18 +40,25 @@ def corrected(raw: RawTrial, fix: str) -> RawTrial:
     """The trial with a correction made to what was logged."""
     if fix in (EARTH, EARTH_SWAPPED):
         return _with(raw, _vehicle_axes(raw, swapped=fix == EARTH_SWAPPED))
-    terms = {}
+    terms: dict[str, dict[str, tuple[float, str, float]]] = {}
     for part in fix.split("; "):
         to, _, of = part.partition(" = ")
         factor, column, *rest = of.split(" ")
-        terms[to] = (float(factor), column, float("".join(rest) or 0.0))
-    sensor = raw.sensors[BY_COLUMN[next(iter(terms))].sensor]
+        own = terms.setdefault(BY_COLUMN[to].sensor, {})
+        own[to] = (float(factor), column, float("".join(rest) or 0.0))
+    for name, own in terms.items():
+        raw = _with(raw, _made_of(raw.sensors[name], own))
+    return raw
+
+
+def _made_of(sensor: RawSensor, terms: Mapping[str, tuple[float, str, float]]) -> RawSensor:
+    """The sensor with channels that are a factor times one of its own, and an offset."""
     made = {
         to: factor * sensor.values[of] + offset
         for to, (factor, of, offset) in terms.items()
         if of in sensor.values
     }
-    return _with(raw, replace(sensor, values={**sensor.values, **made}))
+    return replace(sensor, values={**sensor.values, **made})
 
 
 def _with(raw: RawTrial, sensor: RawSensor) -> RawTrial:

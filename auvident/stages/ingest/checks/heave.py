@@ -98,6 +98,14 @@ def pitch_by_depth(seen: Seen) -> Verdict:
             f"{f'; {named}?' if named else ''}",
             "Check the units of depth, pitch and u.",
         )
+    if above_water(seen):
+        return gain.verdict(
+            "contradicts",
+            "the depth changes as speed and pitch say, but it is negative throughout: pitch, q, w "
+            "and depth of the other sign, like axes forward-left-up? Or a depth with an offset",
+            "Depth and w are positive down, pitch and q bow up: sign = -1 in a map (--map) flips "
+            "each of them, and offset moves the depth.",
+        )
     return gain.verdict("agrees", "the depth changes as speed and pitch say")
 
 
@@ -111,10 +119,10 @@ def _is_depth(seen: Seen, found: Relation) -> bool:
         if abs(heave.value) >= SIGN_STDS * heave.std:
             return heave.value < 0.0
     by_rate = pitch_rate(seen).outcome
-    return by_rate == "agrees" or (by_rate == "untested" and _is_above_water(seen))
+    return by_rate == "agrees" or (by_rate == "untested" and above_water(seen))
 
 
-def _is_above_water(seen: Seen) -> bool:
+def above_water(seen: Seen) -> bool:
     """Whether the depth, as it is, is that of a vehicle in the air, never below the waves."""
     (depth,) = seen.columns("depth_m")
     highest, deepest = np.quantile(depth, (ENDS, 1.0 - ENDS))
@@ -320,7 +328,7 @@ def pitch_rate(seen: Seen) -> Verdict:
 
     columns = {"q": "q_radps", "pitch": "pitch_rad", "u": "u_mps"}
     records = smooth_records(seen.trial, columns, MARGIN_S)
-    found = fit_relation(records, relation, (0.0, 0.0), under_way)
+    found = fit_relation(records, relation, AT_ONCE_S, under_way)
     if found is None or found.explained < LEAST_EXPLAINED:
         return untested("the pitch hardly changes")
     gain = Figure.of(found)
@@ -330,9 +338,34 @@ def pitch_rate(seen: Seen) -> Verdict:
     kept = kept_on_the_grid(records, "q", under_way)
     if kept - told <= gain.value < 1.0:
         return untested("the steps of --rate are long against the pitching")
+    if gain.value < -SIGN_STDS * gain.std:
+        scales = abs(gain.value + 1.0) > told and kept >= 1.0 - RATE_LIMIT
+        return _of_other_sign(seen, gain, scales)
     return gain.verdict(
         "contradicts",
         f"the pitch changes at {gain.value:.2f} times the pitch rate",
         "Check units, signs and scales of q and pitch.",
         scaled(gain.value, "q_radps") if kept >= 1.0 - RATE_LIMIT else "",
+    )
+
+
+def _of_other_sign(seen: Seen, gain: Figure, scales: bool) -> Verdict:
+    """Pitch against pitch rate: the elevator sides with one of them, the depth with the pitch.
+
+    What the elevator sides with is not turned: the elevator would contradict it from then on.
+    Where elevator and depth disagree, more than one of the channels is off, and none is named.
+    """
+    by_depth, with_rate = pitch_by_depth(seen).outcome == "agrees", seen.elevator < 0
+    words, fix = "", ""
+    if with_rate and not by_depth:
+        words, fix = ", and the elevator fits the pitch rate", scaled(-1.0, "pitch_rad")
+    elif with_rate:
+        words = ": the elevator fits the pitch rate, but the depth the pitch"
+    else:
+        fix = scaled(gain.value if scales else -1.0, "q_radps")
+    return gain.verdict(
+        "contradicts",
+        f"the pitch changes at {gain.value:.2f} times the pitch rate{words}",
+        "Pitch and q are positive bow up: sign = -1 in a map (--map) flips one.",
+        fix,
     )

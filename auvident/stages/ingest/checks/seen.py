@@ -67,6 +67,9 @@ class Seen:
         Yaw acceleration from rudder and yaw rate.
     sign : RudderSign or None
         What was judged of the rudder's sign before; one that contradicts has been refused.
+    elevator : int
+        -1 where steps of the elevator pitch the vehicle as they should by its pitch rate, 1 the
+        other way, 0 where that is not sure.
     """
 
     raw: RawTrial
@@ -75,6 +78,7 @@ class Seen:
     heading: Relation | None = None
     rudder: Relation | None = None
     sign: "RudderSign | None" = None
+    elevator: int = 0
 
     @property
     def length_m(self) -> float:

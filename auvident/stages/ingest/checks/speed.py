@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from auvident.schema.logs import KNOT
+from auvident.schema.logs import KNOT, RPM_OF_RADPS
 from auvident.stages.ingest.checks.correction import VELOCITIES, scaled
 from auvident.stages.ingest.checks.heave import speed_by_depth
 from auvident.stages.ingest.checks.reckoned import POSITION, is_reckoned
@@ -51,10 +51,12 @@ UNITS = {
     "knots logged as m/s": KNOT,
     "m/s logged as knots": 1.0 / KNOT,
 }
+RADPS = "rad/s in an rpm column"
 GEARS = {
     "rpm of a motor before a gear of 2": 0.5,
     "rpm of a motor before a gear of 3": 1.0 / 3.0,
     "rpm that counts every second turn": 2.0,
+    RADPS: RPM_OF_RADPS,
     "rev/s in an rpm column": 60.0,
 }
 ONE_RATE = "rpm never changes: thrust and drag cannot be told apart"
@@ -281,7 +283,9 @@ def _held_against(
         )
     wanted = 1.0 / found.ratio.value if scaled_speed else found.ratio.value
     named = _nearest(names, wanted, found.limit)
-    share = "" if scaled_speed or named else share_of_throttle(seen)
+    share = "" if scaled_speed or named not in ("", RADPS) else share_of_throttle(seen)
+    if share and named:  # a slow propeller's rad/s and a throttle's per cent are as large
+        named, share = "", f"{share}, or {named}"
     either = f" (or the {other} is off)" if len(found.blamed) > 1 else ""
     guess = f"{named or share or 'a wrong unit, a gear'}? Or another vehicle's file?"
     columns = _velocities(seen) if scaled_speed else ["rpm"]
@@ -435,7 +439,8 @@ def advance_ratio(seen: Seen) -> Verdict:
         return agrees("u / (n D) is that of a propeller that drives a hull", advance)
     fault = "motor rather than propeller rpm (gear ratio)"
     if advance > MAX_ADVANCE:
-        fault = f"{share_of_throttle(seen)}, or u in knots or cm/s".removeprefix(", or ")
+        share = f"{share_of_throttle(seen)}, or ".removeprefix(", or ")
+        fault = f"{share}{RADPS}, or u in knots or cm/s"
         fault = "rev/s in an rpm column" if advance > 10 * MAX_ADVANCE else fault
     return contradicts(
         f"u / (n D) is {advance:.3g}; looks like {fault}, or a wrong propeller diameter",
