@@ -315,7 +315,7 @@ def _plane_tables(report: ReportData) -> dict[str, Any]:
         ],
         "horizons": tables_run.errors_by_horizon(final) if final and final.horizons else None,
         "beyond": beyond(metrics.extrapolation) if metrics else [],
-        "errors": tables_run.errors_by_maneuver(metrics, report.refined_channels())
+        "errors": tables_run.errors_by_maneuver(metrics, report.refined_channels(), report.kinds)
         if metrics
         else None,
         "residuals": tables_run.residuals(final) if final else None,

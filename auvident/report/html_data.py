@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from auvident.report.numbers import PAGE
 from auvident.report.tables_evidence import Way, ways
+from auvident.report.tables_run import kinds_of
 from auvident.schema.artifacts import (
     AseResult,
     ChannelMetrics,
@@ -229,6 +230,11 @@ class ReportData:
         if self.is_refined and self.comparison and self.comparison.coverage:
             return self.comparison.coverage
         return self.metrics.coverage if self.metrics else {}
+
+    @property
+    def kinds(self) -> dict[str, str]:
+        """What each maneuver is called, by its id; empty where they are not known."""
+        return kinds_of(self.maneuvers.maneuvers) if self.maneuvers else {}
 
     def refined_channels(self) -> dict[str, Mapping[str, ChannelMetrics | ChannelError]]:
         """Errors of every maneuver with the refined model; empty where there is none."""

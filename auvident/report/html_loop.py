@@ -74,7 +74,7 @@ def lacks(report: ReportData) -> Lacks | None:
         held_out=tables.held_out(changed.held_out) if changed else None,
         crossed=tables.cross_validated(changed.cross_validation, "") if changed else None,
         force=words.force(comparison) if comparison else "",
-        maneuvers=tables.maneuvers(changed.maneuvers) if changed else None,
+        maneuvers=tables.maneuvers(changed.maneuvers, report.kinds) if changed else None,
         moved=tables.moved(changed.coefficients) if changed else None,
         candidates=tables.candidates(words.ranked(found.candidates)[:MOST_CANDIDATES]),
         others=tables.candidates(words.ranked(found.candidates)[MOST_CANDIDATES:]),

@@ -1,7 +1,7 @@
 """Tables of the residual loop, from its artifacts; for the terminal and for the page."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from auvident.constants import NORMAL_95
 from auvident.report import loop_words as words
@@ -120,11 +120,18 @@ def _difference(found: Difference | None, unit: str) -> tuple[Cell, Cell]:
     return Number(found.value, 2, unit), Interval(found.low, found.high, unit)
 
 
-def maneuvers(found: Sequence[ManeuverComparison]) -> Table:
-    """Errors of every maneuver, before → after; a star where the difference is no chance."""
+def maneuvers(found: Sequence[ManeuverComparison], kinds: Mapping[str, str] | None = None) -> Table:
+    """Errors of every maneuver, before → after; a star where the difference is no chance.
+
+    Parameters
+    ----------
+    found : sequence of ManeuverComparison
+    kinds : mapping, optional
+        What each is called, see `tables_run.kinds_of`.
+    """
     units = {name: e.unit for m in found for name, e in m.before.items()}
     rows = [
-        [m.id, m.kind, m.role, *(_change(m, name) for name in units)]
+        [m.id, (kinds or {}).get(m.id, m.kind), m.role, *(_change(m, name) for name in units)]
         for m in sorted(found, key=lambda m: m.role != "validate")
     ]
     channels = (Column(name, unit, numeric=True) for name, unit in units.items())

@@ -145,6 +145,11 @@ def _maneuver(m: Maneuver) -> list[Cell]:
     ]
 
 
+def kinds_of(found: Sequence[Maneuver]) -> dict[str, str]:
+    """What each maneuver is called, by its id."""
+    return {m.id: _kind(m) for m in found}
+
+
 def _kind(m: Maneuver) -> str:
     """Its kind; a straight run that changes the depth by its other name."""
     return "depth step" if m.features.get("maneuver") == "depth_step" else m.kind
@@ -227,7 +232,11 @@ def errors_by_horizon(metrics: Metrics, title: str = "") -> Table:
     return Table(columns(("channel", "unit"), heads), rows, title)
 
 
-def errors_by_maneuver(metrics: Metrics, final: Mapping[str, Errors] | None = None) -> Table:
+def errors_by_maneuver(
+    metrics: Metrics,
+    final: Mapping[str, Errors] | None = None,
+    kinds: Mapping[str, str] | None = None,
+) -> Table:
     """RMSE of every maneuver and channel, that with the prior in brackets.
 
     Parameters
@@ -235,6 +244,8 @@ def errors_by_maneuver(metrics: Metrics, final: Mapping[str, Errors] | None = No
     metrics : Metrics
     final : mapping, optional
         Errors of another model than the identified one, by maneuver.
+    kinds : mapping, optional
+        What each maneuver is called, see `kinds_of`.
     """
     before = {m.id: m.channels for m in metrics.ase.maneuvers} if metrics.ase else {}
     units = {name: c.unit for m in metrics.maneuvers for name, c in m.channels.items()}
@@ -242,7 +253,8 @@ def errors_by_maneuver(metrics: Metrics, final: Mapping[str, Errors] | None = No
     for m in sorted(metrics.maneuvers, key=lambda m: m.role != "validate"):
         after = (final or {}).get(m.id, m.channels)
         errors = (_beside(after.get(n), before.get(m.id, {}).get(n)) for n in units)
-        rows.append([m.id, m.kind, m.role, f"{m.duration_s:.0f}", *errors])
+        kind = (kinds or {}).get(m.id, m.kind)
+        rows.append([m.id, kind, m.role, f"{m.duration_s:.0f}", *errors])
     heads = (
         *columns(("maneuver", "kind", "role"), ("length, s",)),
         *(Column(name, unit, numeric=True) for name, unit in units.items()),

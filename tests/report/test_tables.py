@@ -23,9 +23,16 @@ from auvident.report.tables import (
     written,
 )
 from auvident.report.tables_loop import effects, held_out
-from auvident.report.tables_run import maneuvers
+from auvident.report.tables_loop import maneuvers as changed_maneuvers
+from auvident.report.tables_run import kinds_of, maneuvers
 from auvident.schema.artifacts import Maneuver
-from auvident.schema.diagnosis import ChannelError, EffectFound, HeldOut, ParameterValue
+from auvident.schema.diagnosis import (
+    ChannelError,
+    EffectFound,
+    HeldOut,
+    ManeuverComparison,
+    ParameterValue,
+)
 from tests.report.test_console import text_of
 
 TABLE = Table(
@@ -98,10 +105,16 @@ def test_a_depth_step_is_called_one_though_its_kind_is_straight() -> None:
     span = {"trial": "both", "t_start_s": 0.0, "t_end_s": 30.0, "role": "identify"}
     step = {"maneuver": "depth_step", "depth_range_m": [2.0, 5.0]}
     told = {"kind": "straight", "plane": "vertical", "planes": ("vertical",), **span}
-    rows = maneuvers(
-        [
-            Maneuver(id="both-vertical-straight-1", features=step, **told),
-            Maneuver(id="both-vertical-straight-2", **told),
-        ]
-    ).rows
-    assert [row[1] for row in rows] == ["depth step", "straight"]
+    found = [
+        Maneuver(id="both-vertical-straight-1", features=step, **told),
+        Maneuver(id="both-vertical-straight-2", **told),
+    ]
+    called = ["depth step", "straight"]
+    assert [row[1] for row in maneuvers(found).rows] == called
+    errors = {"u": ChannelError(rmse=0.1, nrmse=0.2, unit="m/s")}
+    compared = [
+        ManeuverComparison(id=m.id, kind=m.kind, role=m.role, before=errors, after=errors)
+        for m in found
+    ]
+    assert [row[1] for row in changed_maneuvers(compared, kinds_of(found)).rows] == called
+    assert [row[1] for row in changed_maneuvers(compared).rows] == ["straight", "straight"]

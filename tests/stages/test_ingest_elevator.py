@@ -42,6 +42,15 @@ def test_vertical_maneuvers_show_the_sign():
         ingest(reversed_elevator(raw), boat)
 
 
+def test_the_scale_is_tested_without_an_inertia_in_pitch():
+    """It went untested as if there were no fins, while the fit took the inertia in yaw."""
+    (raw,) = read_trials([SAMPLES / "dive_trial"])
+    boat = load_vehicle(SAMPLES / "remus100.toml")
+    bare = boat.model_copy(update={"body": boat.body.model_copy(update={"iyy_kgm2": None})})
+    made = {c.name: c for c in ingest(raw, bare)[1].checks_made}
+    assert made["elevator_scale"].outcome == "agrees"
+
+
 @pytest.mark.parametrize("seed", [95, 227])
 def test_an_autopilot_on_a_lively_vehicle_is_not_taken_for_a_reversed_elevator(seed, tmp_path):
     sys.path.insert(0, str(SAMPLES))

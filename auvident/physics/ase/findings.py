@@ -63,7 +63,14 @@ def findings(
 
 
 def _ballast_findings(vehicle: Vehicle) -> Iterator[Finding]:
-    """A centre of gravity with which the vehicle turns over at rest."""
+    """Inertia in pitch that is assumed; a centre of gravity with which the vehicle turns over."""
+    if vehicle.body.iyy_kgm2 is None and any(fin.kind == "elevator" for fin in vehicle.fin):
+        yield Finding(
+            code="assumed_inertia",
+            message="iyy_kgm2 is not given; izz_kgm2 is assumed, as of a body of revolution.",
+            where="[vehicle] iyy_kgm2",
+            remedy="State it for the vertical plane.",
+        )
     if vehicle.body.z_g_m < 0.0:
         yield Finding(
             code="gravity_above",

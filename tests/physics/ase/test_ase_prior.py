@@ -89,3 +89,9 @@ def test_added_masses_with_which_nothing_can_move_are_told(given, plane):
 def test_a_centre_of_gravity_above_that_of_buoyancy_is_told(height_m, told):
     found = estimate(changed(load("remus"), vehicle={"z_g_m": height_m})).findings
     assert ("gravity_above" in {f.code for f in found}) == told
+
+
+@pytest.mark.parametrize("inertia", [None, 3.45])
+def test_an_inertia_in_pitch_that_is_that_of_yaw_is_told(inertia):
+    found = estimate(changed(load("remus"), vehicle={"iyy_kgm2": inertia})).findings
+    assert ("assumed_inertia" in {f.code for f in found}) == (inertia is None)

@@ -25,10 +25,7 @@ def steering(seen: Seen, plane: PlaneRow = HORIZONTAL) -> Steering | None:
         return None
     c = {generic: float(seen.drawn[symbol][0]) for generic, symbol in own.items()}
     body, sigma = seen.vehicle.body, plane.sigma
-    inertia = body.izz_kgm2 if plane is HORIZONTAL else body.iyy_kgm2
-    if inertia is None:
-        return None
-    moment = body.mass_kg * body.x_g_m
+    inertia, moment = body.inertia_kgm2(plane.name), body.mass_kg * body.x_g_m
     mass = [
         [body.mass_kg - c["A_adot"], sigma * moment - c["A_bdot"]],
         [sigma * moment - c["B_adot"], inertia - c["B_bdot"]],
