@@ -3,7 +3,7 @@
 Where a straight course is not stable, a push too small for any sensor grows until the hull turns to
 one side or the other, and what is linear about the predicted course (`engines.predictive`) knows
 nothing of the other side. There the spread is that of models drawn from the covariance of the
-coefficients, each pushed along the way as much as predictions of maneuvers left out were off.
+coefficients, each pushed along the way by what adds up to the errors of maneuvers left out.
 """
 
 from collections.abc import Iterable, Mapping
@@ -78,20 +78,24 @@ def hardly_keeps_course(structure: Structure, p: Array, length_m: float) -> bool
     return growth_of_push(structure, p, length_m) > -HARDLY
 
 
-def pushes_of(left: Iterable[Mapping[str, float]], plane: Plane, length_m: float) -> PushesAlong:
-    """As large as predictions of maneuvers left out are off, where none has fallen.
+def pushes_of(
+    left: Iterable[tuple[Mapping[str, float], int]], plane: Plane, length_m: float
+) -> PushesAlong:
+    """So large that they add up to what predictions are off of maneuvers left out, unless fallen.
 
-    A few that fell are far off, hence the median.
+    Where a push neither grows nor dies away, those of a maneuver add up as a random walk: the mean
+    square over a maneuver with N of them is (N + 1)/2 times that of one. A few maneuvers that fell
+    are far off, hence the median.
 
     Parameters
     ----------
-    left : iterable of mapping
+    left : iterable of (mapping, int)
         Mean square error of each maneuver that was left out beyond what coefficients and sensor
-        explain, by channel.
+        explain, by channel; and its pushes.
     """
     rows, std = list(left), np.zeros(N_STATES)
     for i, state in enumerate(BY_PLANE[plane].states[1:3], 1):
-        own = [row[state.symbol] for row in rows if state.symbol in row]
+        own = [2.0 * by[state.symbol] / (count + 1) for by, count in rows if state.symbol in by]
         std[i] = max(float(np.median(own)), 0.0) ** 0.5 if own else 0.0
     return PushesAlong(std, length_m)
 

@@ -19,6 +19,7 @@ from auvident.estimation.inequalities import kept
 from auvident.estimation.innovations import mean_square_quantile
 from auvident.estimation.output_error import bounded_step, fit
 from auvident.estimation.pooling import for_few, seen_axes
+from auvident.physics.dynamics import N_STATES
 from auvident.schema.plan import PlanStage
 
 Array = npt.NDArray[Any]
@@ -178,14 +179,25 @@ def left_out_courses(
         found[name] = left_out_course(setup.frame, *models[name])
     if not hardly_keeps_course(setup.structure, p, length_m):
         return found, None
-    plane = setup.structure.plane
-    noise = noise_of(setup.sensing, plane)
-    left = [course.beyond(noise) for course in found.values() if course is not None]
-    pushes = pushes_of(left, plane, length_m)
+    pushes = _pushes(setup, found, length_m)
     return {
         name: course and widened(course, fallen_models(setup.frame, *models[name], pushes).variance)
         for name, course in found.items()
     }, pushes
+
+
+def _pushes(
+    setup: Setup, courses: Mapping[str, LeftOutCourse | None], length_m: float
+) -> PushesAlong:
+    """Pushes that add up to the errors of the maneuvers left out."""
+    plane, dt_s = setup.structure.plane, setup.frame.dt_s
+    noise, along = noise_of(setup.sensing, plane), PushesAlong(np.zeros(N_STATES), length_m)
+    left = [
+        (course.beyond(noise), len(along.rows(setup.records[name][1], dt_s)))
+        for name, course in courses.items()
+        if course is not None
+    ]
+    return pushes_of(left, plane, length_m)
 
 
 def _newton_step(task: Task, p: Array, room: Prior, gradient: Array, others: Array) -> Array:

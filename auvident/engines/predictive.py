@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import stdtrit
 
-from auvident.constants import BAND_SHARE
+from auvident.constants import BAND_SHARE, NORMAL_95
 from auvident.engines.carried import (
     frame_of,
     free_behind,
@@ -180,7 +180,11 @@ def left_out_course(
 
 
 def errors_of(
-    courses: Sequence[LeftOutCourse], plane: Plane, noise: Mapping[str, float], lost: int
+    courses: Sequence[LeftOutCourse],
+    plane: Plane,
+    noise: Mapping[str, float],
+    lost: int,
+    falls: bool = False,
 ) -> dict[str, ModelError]:
     """Model error and factor of each channel, from maneuvers that were left out in turn.
 
@@ -188,7 +192,10 @@ def errors_of(
     maneuver more would be off scatters about what the F measured show as about a mean of F: the
     variance of a prediction is (1 + 1/F) times theirs. The samples of a sum drift away together:
     its maneuvers count as one draw each, of which the mean squares over the variances give the
-    spread, and the factor is the quantile of Student's t with F degrees of freedom.
+    spread, and the factor is the quantile of Student's t with F degrees of freedom. That a hull
+    which may fall to the other side did not in a few maneuvers does not narrow the band that its
+    coefficients make: where nothing is left for a model error, the factor is no less than that of
+    a normal distribution.
 
     Parameters
     ----------
@@ -196,6 +203,8 @@ def errors_of(
         Standard deviation of each sensor by channel.
     lost : int
         Readings of maneuvers whose prediction ran away, which no band holds.
+    falls : bool
+        Whether the hull may fall to the other side, see `engines.falling`.
 
     Returns
     -------
@@ -217,16 +226,17 @@ def errors_of(
         square = error[seen] ** 2
         left = model_error(square, known, grown)
         ratio = square / np.maximum(with_model_error(known, left, grown), LEAST)
-        factor = drifting(ratio, whose, level) if growth else _conformal(ratio, level)
+        least = NORMAL_95 if falls and not left else 0.0
+        factor = drifting(ratio, whose, level) if growth else _conformal(ratio, level, least)
         factor *= math.sqrt(1.0 + 1.0 / len(np.unique(whose)))
         if math.isfinite(factor):
             found[name] = ModelError(std=math.sqrt(left), growth=growth, factor=factor)
     return found
 
 
-def _conformal(ratio: Array, level: float) -> float:
+def _conformal(ratio: Array, level: float, least: float) -> float:
     """Factor that holds a share of the samples, from their squares over their variances."""
-    return math.sqrt(float(np.quantile(ratio, level)))
+    return max(math.sqrt(float(np.quantile(ratio, level))), least)
 
 
 def drifting(ratio: Array, whose: Array, level: float) -> float:

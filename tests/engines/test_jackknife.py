@@ -120,6 +120,22 @@ def test_courses_of_a_hull_that_may_fall_are_known_less_well(monkeypatch) -> Non
     assert any((c.variance["r"] > kept[name].variance["r"]).any() for name, c in falls.items())
 
 
+def test_a_maneuver_left_out_has_as_many_pushes_as_hull_lengths(monkeypatch) -> None:
+    """Hulls of a tenth of the length are pushed ten times as often, each time by less."""
+    setup, how = linear_setup(), stage(**EVERY)
+    whole = run_stage(setup, setup.prior, how)
+    parts = information_by_maneuver(setup, whole, how)
+    monkeypatch.setattr(jackknife, "hardly_keeps_course", lambda *a: True)
+    long, short = (left_out_courses(setup, whole, how, *parts, m)[1] for m in (2.0, 0.2))
+    counts = np.array(
+        [[len(p.rows(r, setup.dt_s)) for p in (long, short)] for _, r in setup.records.values()]
+    )
+    ratio = np.sqrt((counts[:, 0] + 1.0) / (counts[:, 1] + 1.0))
+    smaller = short.std[1:3] / long.std[1:3]
+    assert (ratio.min() - 1e-9 <= smaller).all() and (smaller <= ratio.max() + 1e-9).all()
+    assert (smaller < 0.5).all()
+
+
 def test_scatter_of_the_moves_by_hand() -> None:
     moves = {"a": np.array([1.0, 0.0]), "b": np.array([-1.0, 0.0]), "c": np.array([3.0, 6.0])}
     # means 1 and 2; (F - 1)/F of the sums of squares 0 + 4 + 4, 4 + 4 + 16, product 0 + 4 + 8

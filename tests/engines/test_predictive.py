@@ -81,6 +81,21 @@ def test_one_maneuver_more_scatters_about_the_mean_of_those_left_out() -> None:
     assert (found.std, found.factor) == pytest.approx((1.0, np.sqrt(1.25)))
 
 
+def test_that_a_hull_did_not_fall_in_a_few_maneuvers_does_not_narrow_its_band() -> None:
+    """Errors of half of what the coefficients let them be, and errors of which a part is left."""
+    unread = {name: np.full(50, np.nan) for name in ("u", "r", "heading", "track")}
+    error = unread | {"v": np.ones(50)}
+    known, half_known = (
+        [LeftOutCourse("made", np.arange(50.0), error, unread | {"v": np.full(50, v)}, {})] * 4
+        for v in (4.0, 0.5)
+    )
+    keeps, falls = (errors_of(known, "horizontal", {}, 0, f)["v"] for f in (False, True))
+    assert (keeps.std, keeps.factor) == pytest.approx((0.0, 0.5 * np.sqrt(1.25)))
+    assert (falls.std, falls.factor) == pytest.approx((0.0, 1.96 * np.sqrt(1.25)))
+    keeps, falls = (errors_of(half_known, "horizontal", {}, 0, f)["v"] for f in (False, True))
+    assert falls == keeps and falls.std == pytest.approx(0.5**0.5)
+
+
 def test_a_band_from_few_maneuvers_holds_what_comes_in_the_mean() -> None:
     rng, inside = np.random.default_rng(6), []
     for _ in range(60):

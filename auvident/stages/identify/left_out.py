@@ -38,7 +38,8 @@ def left_out_of(
     lost = [name for name, course in courses.items() if course is None]
     plane = setup.structure.plane
     rows = sum(len(setup.records[name][1]) for name in lost)
-    error = errors_of(good, plane, noise_of(setup.sensing, plane), rows) if good else {}
+    noise, falls = noise_of(setup.sensing, plane), pushes is not None
+    error = errors_of(good, plane, noise, rows, falls) if good else {}
     found = LeftOutSummary(
         maneuvers=tuple(_maneuver(name, course) for name, course in courses.items()),
         spread=_spread(good),
