@@ -193,9 +193,8 @@ def errors_of(
     variance of a prediction is (1 + 1/F) times theirs. The samples of a sum drift away together:
     its maneuvers count as one draw each, of which the mean squares over the variances give the
     spread, and the factor is the quantile of Student's t with F degrees of freedom. That a hull
-    which may fall to the other side did not in a few maneuvers does not narrow the band that its
-    coefficients make: where nothing is left for a model error, the factor is no less than that of
-    a normal distribution.
+    which may fall to the other side did not in a few maneuvers does not narrow its band: there the
+    factor is no less than that of a normal distribution.
 
     Parameters
     ----------
@@ -226,7 +225,7 @@ def errors_of(
         square = error[seen] ** 2
         left = model_error(square, known, grown)
         ratio = square / np.maximum(with_model_error(known, left, grown), LEAST)
-        least = NORMAL_95 if falls and not left else 0.0
+        least = NORMAL_95 if falls else 0.0
         factor = drifting(ratio, whose, level) if growth else _conformal(ratio, level, least)
         factor *= math.sqrt(1.0 + 1.0 / len(np.unique(whose)))
         if math.isfinite(factor):
