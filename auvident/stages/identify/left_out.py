@@ -100,8 +100,8 @@ def course_findings(structure: Structure, p: Array, length_m: float) -> list[Fin
             f"ahead, a push {push} with each hull length, so that a prediction from the logged "
             "angles may turn to the side that the vehicle did not",
             remedy="The band, where there is one, reaches both sides: trust it rather than the "
-            "line in its middle, and errors at horizons of 5 and 20 s rather than those of whole "
-            "maneuvers. Larger tail fins stabilise.",
+            "line in its middle (least in straight runs), and errors at horizons of 5 and 20 s "
+            "rather than those of whole maneuvers. Larger tail fins stabilise.",
         )
     ]
 
