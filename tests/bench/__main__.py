@@ -38,6 +38,7 @@ PARTS = (
     "left-out",
     "splits",
     "band",
+    "band-unstable",
     "recovery",
     "plans",
     "speed",
@@ -62,6 +63,7 @@ HOW = {
     "whole": "; models of the harbour trial and of the dive trial, joined",
     "exports": "; models of the harbour trial and of the dive trial",
     "band": "; the first 100 clean trials of odd seeds from 6601",
+    "band-unstable": "; the first 60 of odd seeds from 20001 that do not keep their course",
 }
 
 
@@ -97,7 +99,7 @@ def main(arguments: list[str] | None = None) -> None:
 def _run(part: str, repeats: int, seeds: int) -> Any:
     from tests.bench import recovery, samples, speed
     from tests.bench.against_casadi import casadi
-    from tests.bench.band import band
+    from tests.bench.band import band, unstable
     from tests.bench.campaign_cost import campaign_cost
     from tests.bench.commands import commands
     from tests.bench.day import day
@@ -123,6 +125,7 @@ def _run(part: str, repeats: int, seeds: int) -> Any:
         "left-out": lambda: {"each zigzag of the KVLCC2 from the others": left_out()},
         "splits": splits,
         "band": band,
+        "band-unstable": unstable,
         "whole": whole,
         "exports": exports,
         "casadi": lambda: casadi(repeats),

@@ -1,8 +1,9 @@
 """Does the band hold what was held out, on clean trials of vehicles never seen, by class?"""
 
+import itertools
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from statistics import mean, median
 from typing import Any
@@ -22,6 +23,7 @@ STATES = {s.symbol: s for s in BY_PLANE["horizontal"].states}
 CHANNELS = (*STATES, TRACK)
 TRIALS = 100
 FIRST_SEED = 6601  # odd seeds report, and no study before drew these
+UNSTABLE, UNSTABLE_TRIALS, UNSTABLE_FROM = "unstable", 60, 20001  # one in 25 is of the class
 
 Rows = list[dict[str, Any]]
 
@@ -30,27 +32,60 @@ def clean_trials(count: int) -> Iterator[tuple[int, tuple[str, ...], Chain]]:
     """Seed, classes and chain of the first trials of odd seeds in which nothing is planted."""
     from seatrial.population import draw
 
-    found, seed = 0, FIRST_SEED
-    while found < count:
-        drawn = draw(seed, True)
-        if drawn.kind == "none":
-            found += 1
-            with tempfile.TemporaryDirectory(prefix="auvident-band-") as name:
-                log, vehicle = Path(name) / "trial", Path(name) / "vehicle.toml"
+    drawn = (draw(seed, True) for seed in itertools.count(FIRST_SEED, 2))
+    return _sailed(itertools.islice((d for d in drawn if d.kind == "none"), count))
+
+
+def unstable_trials(count: int) -> Iterator[tuple[int, tuple[str, ...], Chain]]:
+    """The same of the first vehicles that do not keep their course, nothing planted in any."""
+    from seatrial.population import draw
+
+    drawn = (_or_none(draw, seed) for seed in itertools.count(UNSTABLE_FROM, 2))
+    return _sailed(itertools.islice((d for d in drawn if d and UNSTABLE in d.classes), count))
+
+
+def _or_none(draw: Callable[..., Any], seed: int) -> Any:
+    from seatrial.population import Refused
+
+    try:
+        return draw(seed, True, ())
+    except Refused:
+        return None
+
+
+def _sailed(every: Iterable[Any]) -> Iterator[tuple[int, tuple[str, ...], Chain]]:
+    """Chains of those that can be sailed: some vehicles leave their bounds, or do not come down."""
+    for drawn in every:
+        with tempfile.TemporaryDirectory(prefix="auvident-band-") as name:
+            log, vehicle = Path(name) / "trial", Path(name) / "vehicle.toml"
+            try:
                 drawn.write(drawn.sail(), log, vehicle)
-                yield seed, tuple(drawn.classes), chain_of([log], vehicle)
-        seed += 2
+            except FloatingPointError:
+                continue
+            yield drawn.seed, tuple(drawn.classes), chain_of([log], vehicle)
 
 
 def band(count: int = TRIALS) -> dict[str, Rows]:
     """Coverage and width, by channel and by class of vehicle."""
+    kept, failed = _kept(clean_trials(count))
+    return tables(kept) | failed
+
+
+def unstable(count: int = UNSTABLE_TRIALS) -> dict[str, Rows]:
+    """Coverage and width, by channel, of vehicles that do not keep their course."""
+    kept, failed = _kept(unstable_trials(count))
+    return dict([next(iter(tables(kept).items()))]) | failed
+
+
+def _kept(trials: Iterable[tuple[int, tuple[str, ...], Chain]]) -> tuple[Rows, dict[str, Rows]]:
+    """Rows of the trials, and the seeds of those that were not identified, if there are any."""
     kept, failed = [], []
-    for seed, classes, chain in clean_trials(count):
+    for seed, classes, chain in trials:
         try:
             kept += [{**row, "classes": classes} for row in trial_rows(chain)]
         except AuvidentError:
             failed.append(seed)
-    return tables(kept) | ({"not identified": [{"seed": s} for s in failed]} if failed else {})
+    return kept, ({"not identified": [{"seed": s} for s in failed]} if failed else {})
 
 
 def trial_rows(chain: Chain) -> Rows:
