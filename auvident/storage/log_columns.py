@@ -448,7 +448,7 @@ def missing_channels(
     columns : mapping of str to sequence of str
         Columns found, by file name.
     """
-    found = "; ".join(f"{file}: {', '.join(names)}" for file, names in columns.items())
+    found = "; ".join(f"{file}: {listed(names)}" for file, names in columns.items())
     names = (f"{' or '.join(_log_names(c))} ({c.meaning}) for {c.sensor}" for c in channels)
     entries = [_likely_entry(c, columns) + _without(c) for c in channels]
     between, plural = ("\n    ", "s") if len(entries) > 1 else (" ", "")

@@ -78,6 +78,14 @@ def test_all_that_is_wrong_with_the_columns_of_a_log_is_told_at_once(tmp_path):
     assert message.count("found run.csv: time_s, u, v") == message.count(str(path)) == 1
 
 
+def test_a_log_of_hundreds_of_columns_does_not_bury_what_to_do(tmp_path):
+    path = tmp_path / "run.csv"
+    table = wide_table()[["time_s"]].assign(**{f"channel_{i}": 0.5 for i in range(300)})
+    table.to_csv(path, index=False)
+    message = refused(path, "channel_38, ...", "[rudder] rudder = {")
+    assert "channel_39" not in message and len(message) < 2000
+
+
 def test_columns_of_several_files_are_told_with_their_files(tmp_path):
     tables = sensor_tables()
     tables["dvl"] = tables["dvl"].rename(columns={"u_mps": "u"})
