@@ -69,7 +69,7 @@ def together(errors: Sequence[InputError]) -> InputError:
     places = list(dict.fromkeys(e.where for e in errors))
     alone = len(places) == 1
     problems = [e.problem if alone else f"{e.problem} ({e.where})" for e in errors]
-    remedies = [f"{e.remedy}" for e in errors if e.remedy]
+    remedies = [e.remedy for e in errors if e.remedy]
     return InputError(
         "; ".join(dict.fromkeys(problems)),
         places[0] if alone else "",

@@ -74,7 +74,7 @@ def band(count: int = TRIALS) -> dict[str, Rows]:
 def unstable(count: int = UNSTABLE_TRIALS) -> dict[str, Rows]:
     """Coverage and width, by channel, of vehicles that do not keep their course."""
     kept, failed = _kept(unstable_trials(count))
-    return dict([next(iter(tables(kept).items()))]) | failed
+    return by_channel(kept) | failed
 
 
 def _kept(trials: Iterable[tuple[int, tuple[str, ...], Chain]]) -> tuple[Rows, dict[str, Rows]]:
@@ -115,9 +115,7 @@ def tables(kept: Rows) -> dict[str, Rows]:
     """Means and medians over the trials, of all and of each class."""
     from seatrial.population import CLASSES
 
-    whole = [_row({"channel": c}, [r for r in kept if r["channel"] == c]) for c in CHANNELS]
-    return {
-        "held-out samples within the band, by channel": whole,
+    return by_channel(kept) | {
         "share of the held-out samples within the band, by class": [
             _by_class(name, [r for r in kept if name in r["classes"]], "covered", mean)
             for name in CLASSES
@@ -127,6 +125,12 @@ def tables(kept: Rows) -> dict[str, Rows]:
             for name in CLASSES
         ],
     }
+
+
+def by_channel(kept: Rows) -> dict[str, Rows]:
+    """Means and medians over all trials."""
+    whole = [_row({"channel": c}, [r for r in kept if r["channel"] == c]) for c in CHANNELS]
+    return {"held-out samples within the band, by channel": whole}
 
 
 def _row(head: dict[str, Any], rows: Rows) -> dict[str, Any]:

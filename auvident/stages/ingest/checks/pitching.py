@@ -1,5 +1,7 @@
 """An elevator that contradicts its sign: whether pitch and depth say that the gyro does."""
 
+from collections.abc import Sequence
+
 from auvident.errors import ContradictionError
 from auvident.stages.ingest.checks.correction import scaled
 from auvident.stages.ingest.checks.heave import (
@@ -42,46 +44,51 @@ def with_the_gyro_at_fault(error: ContradictionError, seen: Seen) -> Contradicti
 
 
 def _of_the_rate(seen: Seen, said: str) -> ContradictionError:
-    return ContradictionError(
+    return _turned(
+        seen,
         f"{said}, and the elevator contradicts the pitch rate: {_column(seen)} looks positive bow "
         "down",
-        _place(seen),
-        "Pitch and q are positive bow up: set sign = -1 for q in a map (--map), or give --fix "
-        "pitch_rate_scale.",
+        "Pitch and q are positive bow up: set sign = -1 for q",
         "pitch_rate_scale",
-        scaled(-1.0, "q_radps"),
+        ["q_radps"],
     )
 
 
 def _of_rate_and_pitch(seen: Seen, said: str) -> ContradictionError:
-    return ContradictionError(
+    return _turned(
+        seen,
         f"{said}, and the elevator contradicts the pitch rate: pitch and {_column(seen)} look "
         "positive bow down",
-        _place(seen),
-        "Pitch and q are positive bow up: set sign = -1 for both in a map (--map), or give --fix "
-        "pitch_sign.",
+        "Pitch and q are positive bow up: set sign = -1 for both",
         "pitch_sign",
-        scaled(-1.0, "q_radps", "pitch_rad"),
+        ["q_radps", "pitch_rad"],
     )
 
 
 def _of_the_axes(seen: Seen) -> ContradictionError:
     heave = () if heave_by_depth(seen).outcome == "contradicts" else ("w_mps",)
-    turned = [column for column in (*AXES, *heave) if seen.has(column)]
-    return ContradictionError(
+    return _turned(
+        seen,
         "the elevator contradicts the pitch rate, and the depth is negative throughout: pitch, q"
         f"{', w' if heave else ''} and depth look like axes forward-left-up",
-        _place(seen),
-        "Depth and w are positive down, pitch and q bow up: set sign = -1 for each of them in a "
-        "map (--map), or give --fix pitch_sign.",
+        "Depth and w are positive down, pitch and q bow up: set sign = -1 for each of them",
         "pitch_sign",
-        scaled(-1.0, *turned),
+        [column for column in (*AXES, *heave) if seen.has(column)],
+    )
+
+
+def _turned(
+    seen: Seen, problem: str, remedy: str, check: str, columns: Sequence[str]
+) -> ContradictionError:
+    """A contradiction that goes away where some channels are turned, by a map or by `--fix`."""
+    return ContradictionError(
+        problem,
+        f"{seen.raw.sensors['gyro'].file}, column {_column(seen)}",
+        f"{remedy} in a map (--map), or give --fix {check}.",
+        check,
+        scaled(-1.0, *columns),
     )
 
 
 def _column(seen: Seen) -> str:
     return seen.raw.sensors["gyro"].columns["q_radps"]
-
-
-def _place(seen: Seen) -> str:
-    return f"{seen.raw.sensors['gyro'].file}, column {_column(seen)}"
