@@ -73,6 +73,11 @@ def each(
     return [pending[i].result() for i in range(len(every))]
 
 
+def stay_alone() -> None:
+    """From now on this thread does all that it asks `each` for by itself."""
+    _here.at_work = True
+
+
 def _at_work(function: Callable[[Item], Result], item: Item) -> Result:
     _here.at_work = True
     try:

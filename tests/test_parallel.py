@@ -7,16 +7,19 @@ import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from auvident import parallel
-from auvident.pipeline.run import _call
+from auvident.pipeline.execution import make
+from auvident.pipeline.given import Given
 from auvident.pipeline.table import BY_NAME
 from auvident.stages.diagnose.fit.fits import fit_with
 from auvident.stages.diagnose.score.first_order import joint_about
+from auvident.storage.run_directory import RunDirectory
 from tests.stages.diagnose.loop_chain import small_case, small_fit
 
 
@@ -95,7 +98,7 @@ def test_fits_and_scores_are_the_same_bytes_with_one_thread_or_several(with_thre
             np.testing.assert_array_equal(a, b)
 
 
-def test_a_stage_runs_with_one_thread_for_linear_algebra() -> None:
+def test_a_stage_runs_with_one_thread_for_linear_algebra(tmp_path: Path) -> None:
     seen = []
 
     class Stopped(Exception):
@@ -106,7 +109,7 @@ def test_a_stage_runs_with_one_thread_for_linear_algebra() -> None:
         raise Stopped
 
     with threadpool_limits(2, user_api="blas"), pytest.raises(Stopped):
-        _call(replace(BY_NAME["ase"], function=look), None, None)  # type: ignore[arg-type]
+        make(replace(BY_NAME["ase"], function=look), Given(RunDirectory(tmp_path)))
     assert seen and set(seen) == {1}
 
 

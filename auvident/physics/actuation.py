@@ -105,14 +105,14 @@ def servo_constants(lag, slowness, dt):
     return h, keep, most, lag / h * (1.0 - keep) if lag > 0.0 else 0.0
 
 
-@kernel
+@borrowing
 def taken_up(command, taken, deadband, half_width):
     """Command behind the dead band and the play, that was `taken` before."""
     ordered = math.copysign(max(abs(command) - deadband, 0.0), command)
     return min(max(taken, ordered - half_width), ordered + half_width)
 
 
-@kernel
+@borrowing
 def unequal(taken, asymmetry):
     """Angle that the servo goes to, by its unequal gain."""
     return taken * (1.0 + asymmetry if taken > 0.0 else 1.0 - asymmetry)
@@ -131,13 +131,13 @@ def turned(target, angle, slowness, h, keep, most, trailing):
     return target - short / SUBSTEPS, arrived(angle, target)
 
 
-@kernel
+@borrowing
 def arrived(value, target):
     """The target, where a value has come as near to it as counts."""
     return target if abs(target - value) < ARRIVED else value
 
 
-@kernel
+@borrowing
 def substep(distance, per_angle, keep, most, trailing):
     """How far short of its target a servo lies in the mean over a substep, and how far it turns."""
     turning = abs(distance) * per_angle
@@ -160,7 +160,7 @@ def lagged(command, lag, dt, out):
         now = arrived(command[k] + (now - command[k]) * keep, command[k])
 
 
-@kernel
+@borrowing
 def share_fallen(elapsed, time, undecided):
     """Part of a step that has been made, to be expected at a time.
 
@@ -286,13 +286,16 @@ def _turn_fins(past, command, dt, e, angle):
         for v in range(count):
             angle[v, k] = 0.0
         for part in range(2):
+            turns = False
             for v in range(count):
                 short[v], target[v] = 0.0, reached[v]
                 if lasts[part, v] > 0.0:
                     order = command[min(max(k - whole[v] - 1 + part, 0), last)]
                     taken[v] = taken_up(order, taken[v], e[v, DEADBAND], e[v, BACKLASH])
                     target[v] = unequal(taken[v], e[v, ASYMMETRY])
-            _turn_together(parts, part, e, target, short, reached)
+                    turns = turns or target[v] != reached[v]
+            if turns:
+                _turn_together(parts, part, e, target, short, reached)
             for v in range(count):
                 reached[v] = arrived(reached[v], target[v])
                 if lasts[part, v] > 0.0:
@@ -311,7 +314,7 @@ def _turn_together(parts, part, e, target, short, reached):
             reached[v] += turn
 
 
-@kernel
+@borrowing
 def _drive(elapsed, speed, e, k, revs, out):
     """What the propeller does to the vehicle in row k; fills the first inputs, but for controls."""
     thrust = thrust_of(revs, speed[k], e)
@@ -323,20 +326,20 @@ def _drive(elapsed, speed, e, k, revs, out):
     out[RACED], out[FLOW], out[REACH] = race_at_fin(out[DRIVE], speed[k], e)
 
 
-@kernel
+@borrowing
 def thrust_of(revs, speed, e):
     """Thrust of the healthy propeller."""
     return e[T_NN] * revs * abs(revs) + e[T_NU] * abs(revs) * speed
 
 
-@kernel
+@borrowing
 def felt_angle(angle, e):
     """Angle that acts: with its offset, as far as the flow follows it."""
     turned = angle + e[OFFSET]
     return turned / math.sqrt(1.0 + max(e[STALL], 0.0) * turned * turned)
 
 
-@kernel
+@borrowing
 def race_flow(race, speed):
     """Speed by which a race faster by `race` [m^2/s^2] in its square exceeds that of the vehicle.
 
@@ -346,7 +349,7 @@ def race_flow(race, speed):
     return math.sqrt(max(speed * speed + race, 0.0)) - abs(speed)
 
 
-@kernel
+@borrowing
 def race_at_fin(thrust, speed, e):
     """What the race adds at the fin: square of the flow, flow, and flow times the station."""
     race = e[RACE] * thrust
@@ -383,7 +386,8 @@ def actuate_steps(past, raw, elapsed, speed, dt, e, places, steps, whole, slopes
     slopes : (n, 9, k) array, filled
     """
     n, rows, count = slopes.shape[0], raw.shape[0], places.shape[0]
-    lead, there, fins = rows - n, np.empty(ACTED), 1
+    lead, driven, fins = rows - n, np.empty(ACTED), 1
+    slopes[:] = 0.0
     moved, fin_of = np.empty((1 + count, e.shape[0])), np.zeros(1 + count, np.int64)
     for v in range(1 + count):
         moved[v] = e
@@ -408,15 +412,14 @@ def actuate_steps(past, raw, elapsed, speed, dt, e, places, steps, whole, slopes
             lagged(command, moved[v, MOTOR_LAG], dt, lagging)
         for t in range(n):
             k = lead + t
-            for i in range(ACTED):
-                there[i] = whole[k, i]
             if steering:
-                there[CONTROL] = felt_angle(angle[fin_of[v], k], moved[v])
+                there = felt_angle(angle[fin_of[v], k], moved[v])
+                slopes[t, CONTROL, v - 1] = (there - whole[k, CONTROL]) / steps[v - 1, 1]
             else:
                 revs = lagging[k] if at_propeller else rate[k]
-                _drive(elapsed, speed, moved[v], k, revs, there)
-            for i in range(ACTED):
-                slopes[t, i, v - 1] = (there[i] - whole[k, i]) / steps[v - 1, 1]
+                _drive(elapsed, speed, moved[v], k, revs, driven)
+                for i in range(REVS, ACTED):
+                    slopes[t, i, v - 1] = (driven[i] - whole[k, i]) / steps[v - 1, 1]
 
 
 def command_values(plane: Plane, parameters: tuple[str, ...], p: Array) -> Array:

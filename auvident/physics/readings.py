@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from auvident.jit import kernel
+from auvident.jit import borrowing, kernel
 from auvident.physics import sensing
 from auvident.physics.sensing import (
     BIAS,
@@ -42,7 +42,7 @@ _abreast = kernel(sensing.water_abreast)
 known_row = kernel(sensing.is_known)
 
 
-@kernel
+@borrowing
 def _water(vertical, e, angle, from_middle, heading, k):
     """Velocity of the water in row k in the axes of the vehicle."""
     if vertical:
@@ -53,7 +53,7 @@ def _water(vertical, e, angle, from_middle, heading, k):
     return _abreast(north, east, angle)
 
 
-@kernel
+@borrowing
 def add_offsets(vertical, turn, e, angle, rates, from_middle, heading, out):
     """Add the part of the readings that does not depend on velocities; see `offsets`.
 
@@ -74,7 +74,7 @@ def add_offsets(vertical, turn, e, angle, rates, from_middle, heading, out):
         out[k, 3] += e[PITCH_BIAS]
 
 
-@kernel
+@borrowing
 def rows_of(k, n, steps):
     """Rows of n that a reading so many steps late lies between, and the share of the second."""
     whole = math.floor(steps)
@@ -82,7 +82,7 @@ def rows_of(k, n, steps):
     return min(max(row, 0), n - 1), min(max(row - 1, 0), n - 1), steps - whole
 
 
-@kernel
+@borrowing
 def _late(values, dvl, gyro, out):
     """Values (n, 4) as sensors show them that are so many steps late."""
     n = values.shape[0]

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from pydantic import BaseModel
 
+from auvident.pipeline.helper import Helper
 from auvident.pipeline.observer import Observer
 from auvident.pipeline.remedies import made_again
 from auvident.schema.manifest import Manifest
@@ -49,7 +50,8 @@ class Given:
     ``also`` are the stages that the stage shows where they are, and that are up to date.
     ``planes`` are those of the run, the first one first; ``plane`` is the one that is looked at,
     and ``former`` what the stage has made of the first plane when it comes to the other.
-    ``kept`` is what stages of one run leave for later ones, so that they need not make it again.
+    ``kept`` is what stages of one run leave for later ones, so that they need not make it again;
+    ``helper`` does what can be done beside something else.
     """
 
     run: RunDirectory
@@ -62,6 +64,7 @@ class Given:
     plane: Plane | None = None
     former: Mapping[str, Any] = field(default_factory=dict)
     kept: dict[tuple[str, Plane | None], Any] = field(default_factory=dict)
+    helper: Helper = field(default_factory=Helper)
 
     def within(self, plane: Plane, former: Mapping[str, Any] | None = None) -> "Given":
         """The same for one plane: its artifacts in place of those of the first."""

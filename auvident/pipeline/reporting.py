@@ -2,15 +2,18 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from auvident.errors import NumericsError
 from auvident.pipeline.given import Given, Model
-from auvident.pipeline.meanwhile import meanwhile
+from auvident.schema.planes import Plane
 from auvident.storage.artifacts import read_json
+from auvident.storage.run_directory import RunDirectory
 
 if TYPE_CHECKING:
+    from auvident.report.html import Drawn
     from auvident.report.html_data import ReportData
     from auvident.schema.artifacts import IdentifiedModel, Maneuvers, TrialPlan
     from auvident.schema.combined import CombinedModel
@@ -22,17 +25,21 @@ REJECTED = "segment/rejected.json"
 
 def report_data(given: Given, plans: bool = True) -> "ReportData":
     """Artifacts of all stages, of every plane of the run; `plans`: with what to fly next."""
-    import pandas as pd  # noqa: F401 (once for this process and its copy)
-
-    import auvident.report.html_data  # noqa: F401
-
     views = given.views()
-    planned = meanwhile(lambda: [_plan(view) for view in views]) if plans else None
+    planned = cache(lambda: [_plan(view) for view in views]) if plans else None
     first, *others = (
         _of_plane(view, partial(_of, planned, i) if planned else None)
         for i, view in enumerate(views)
     )
     return replace(first, others=tuple(map(_own, others)), whole=_whole(given))
+
+
+def figures_of_run(path: Path, also: frozenset[str], planes: tuple[Plane, ...]) -> "Drawn":
+    """The figures of a report, by a process that knows where the run directory is."""
+    from auvident.report.html import draw
+
+    run = RunDirectory(path)
+    return draw(report_data(Given(run, run.manifest(), also=also, planes=planes), plans=False))
 
 
 def _whole(given: Given) -> "CombinedModel | None":

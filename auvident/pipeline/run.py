@@ -1,38 +1,32 @@
 """Run one stage, or all that are not up to date."""
 
-import threading
-import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from datetime import UTC, datetime
+from itertools import zip_longest
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from auvident import __version__
-from auvident.errors import AuvidentError, InputError, NumericsError, StageError
-from auvident.parallel import one_blas_thread
+from auvident.errors import AuvidentError, NumericsError, StageError
+from auvident.pipeline.ahead import OF_INGEST, OF_REPORT, OF_STAGES, load
+from auvident.pipeline.execution import Execution, Made
 from auvident.pipeline.freshness import Decision, Wanted, first_broken, in_planes, judge, judge_all
-from auvident.pipeline.given import Given, matching
+from auvident.pipeline.given import Given
+from auvident.pipeline.helper import helping
 from auvident.pipeline.observer import Observer
-from auvident.pipeline.planes import asked_for, called, planes_of, wanted_planes
-from auvident.pipeline.remedies import again, command_of
-from auvident.pipeline.table import BY_NAME, STAGES, Outputs, Stage
-from auvident.schema.manifest import FailedAttempt, Manifest, StageEntry
+from auvident.pipeline.planes import asked_for, planes_of
+from auvident.pipeline.remedies import command_of
+from auvident.pipeline.table import BY_NAME, STAGES, Outputs, Stage, before
+from auvident.schema.manifest import Manifest
 from auvident.schema.places import beside
 from auvident.schema.planes import PLANES, Plane
-from auvident.storage.artifacts import json_bytes, parquet_bytes, read_json, sha256_of
+from auvident.storage.artifacts import read_json, sha256_of
 from auvident.storage.run_directory import MANIFEST, PACKAGE, RunDirectory
-from auvident.versions import libraries
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 OPTIONAL = frozenset(BY_NAME["report"].also)  # a run goes on when their numbers fail
 NOT_RECORDED = frozenset({"interactive", "keep_going"})  # options that change no result
 SILENT = Observer()
-# Stages of several runs in the threads of one process wait for each other: the number of threads
-# of linear algebra is one for the whole process, and the first to leave would undo it for all.
-_ONE_AT_A_TIME = threading.Lock()
+# Of the files of a log, up to which a second process, which has the samples again, is worth it.
+MOST_BYTES_BESIDE = 2**25
 
 
 @dataclass
@@ -94,7 +88,12 @@ def run_stage(
         _refuse_broken(stage, run, manifest)
         _refuse_foreign(run, manifest, [stage])
         wanted = _wanted(stage, run, options or {}, seed)
-        return _execute(stage, run, manifest, wanted, options or {}, observer)
+        with helping() as helper:
+            if _size_of_trials(run) > MOST_BYTES_BESIDE:
+                helper.dismiss()
+            given = Given(run, manifest, observer=observer, helper=helper)
+            execution = Execution.begun(stage, wanted, options or {}, given)
+            return execution.conclude(execution.here())
 
 
 def run_all(
@@ -125,47 +124,118 @@ def run_all(
         where it was run: then it is returned.
     """
     run, result = RunDirectory(path), RunResult()
-    kept: dict[Any, Any] = {}
-    with run.lock():
+    with run.lock(), helping() as helper:
+        helper.begin(load, OF_INGEST)
         wanted = {s.name: _wanted(s, run, options.get(s.name, {}), seed) for s in STAGES}
+        if _size_of_logs(run, wanted["ingest"]) > MOST_BYTES_BESIDE:
+            helper.dismiss()
         planes = asked_for(str(wanted["identify"].options["plane"]))
         stages = _up_to(until)
         asked = [s for s in stages if not _left_out(s, planes, None)]
         _refuse_foreign(run, run.manifest(), asked)
-        for stage in stages:
-            manifest = run.manifest()
-            decision = judge(stage, run, manifest, wanted[stage.name])
-            result.decisions.append(decision)
-            if "identify" in stage.after:
-                planes = planes_of(run)
-            reason = _left_out(stage, planes, result.failure)
-            if reason:
-                observer.decided(stage.name, f"{stage.name}: skipped, {reason}")
-                result.left_out.append(stage.name)
-                result.decisions[-1] = in_planes(stage, decision, planes)
-                continue
-            observer.decided(stage.name, decision.sentence)
-            if decision.state == "done":
-                continue
-            try:
-                result.outputs |= _execute(
-                    stage,
-                    run,
-                    manifest,
-                    wanted[stage.name],
-                    options.get(stage.name, {}),
-                    observer,
-                    kept,
-                )
-            except NumericsError as error:
-                if stage.name not in OPTIONAL:
-                    raise
-                result.failure = error
-                result.left_out.append(stage.name)
+        given = Given(run, observer=observer, helper=helper)
+        _Progress(given, wanted, options, result, planes).through(stages)
         result.mains = _mains(run, {s.name: s.main for s in STAGES})
         besides = {s.name: beside(s.main) for s in STAGES if s.by_plane}
         result.beside = _mains(run, besides)
     return result
+
+
+@dataclass
+class _Progress:
+    """How far `run_all` has got through the stages.
+
+    ``pending`` is a stage that the helper works on while the next one, which does not rest on it,
+    is done here.
+    """
+
+    given: Given
+    wanted: Mapping[str, Wanted]
+    options: Mapping[str, Mapping[str, Any]]
+    result: RunResult
+    planes: Sequence[Plane]
+    pending: tuple[Execution, Callable[[], Made]] | None = None
+
+    def through(self, stages: Sequence[Stage]) -> None:
+        """Run the stages that are not up to date, in their order."""
+        for stage, following in zip_longest(stages, stages[1:]):
+            if self.pending and _rests_on(stage, self.pending[0].stage):
+                self._settle()
+            if self._is_to_run(stage):
+                self._run(stage, following)
+        self._settle()
+
+    def _is_to_run(self, stage: Stage) -> bool:
+        """Whether a stage is neither up to date nor left out; which of them it is, is told."""
+        run, result = self.given.run, self.result
+        decision = judge(stage, run, run.manifest(), self.wanted[stage.name])
+        result.decisions.append(decision)
+        if "identify" in stage.after:
+            self.planes = planes_of(run)
+        reason = _left_out(stage, self.planes, result.failure)
+        if reason:
+            self.given.observer.decided(stage.name, f"{stage.name}: skipped, {reason}")
+            result.left_out.append(stage.name)
+            result.decisions[-1] = in_planes(stage, decision, self.planes)
+            return False
+        self.given.observer.decided(stage.name, decision.sentence)
+        return decision.state != "done"
+
+    def _run(self, stage: Stage, following: Stage | None) -> None:
+        """Run a stage, or have the helper do so where the following one can begin meanwhile."""
+        given = replace(self.given, manifest=self.given.run.manifest())
+        options = self.options.get(stage.name, {})
+        execution = Execution.begun(stage, self.wanted[stage.name], options, given)
+        alone = following is None or _rests_on(following, stage)
+        if given.helper.is_beside and not alone:
+            self.pending = execution, execution.beside()
+            return
+        try:
+            made = self._made(execution)
+        except AuvidentError as error:
+            self._settle()
+            if not isinstance(error, NumericsError) or stage.name not in OPTIONAL:
+                raise
+            self.result.failure = error
+            self.result.left_out.append(stage.name)
+            return
+        self._settle()
+        self.result.outputs |= execution.conclude(made)
+
+    def _made(self, execution: Execution) -> Made:
+        """What a stage comes to; who has nothing else to do loads what will be needed."""
+        helper = self.given.helper
+        if execution.stage.after or not helper.is_beside:
+            if execution.stage.name == "identify":
+                helper.begin(load, OF_REPORT)
+            return execution.here()
+        asked = execution.beside()
+        load(OF_STAGES)
+        made = asked()
+        helper.renew()
+        return made
+
+    def _settle(self) -> None:
+        """Write what the helper was asked for."""
+        if self.pending:
+            (execution, made), self.pending = self.pending, None
+            self.result.outputs |= execution.conclude(made())
+
+
+def _rests_on(stage: Stage, other: Stage) -> bool:
+    """Whether a stage reads what another one writes."""
+    return other in before(stage.name) or other.name in stage.also
+
+
+def _size_of_logs(run: RunDirectory, wanted: Wanted) -> int:
+    """Bytes of the files that are read at first."""
+    files = [run.located(name) for name in wanted.sources if not name.startswith(PACKAGE)]
+    return sum(file.stat().st_size for file in files if file.is_file())
+
+
+def _size_of_trials(run: RunDirectory) -> int:
+    """Bytes of the trials of a run."""
+    return sum(file.stat().st_size for file in run.path.glob("ingest/*.parquet"))
 
 
 def _up_to(until: str | None) -> Sequence[Stage]:
@@ -255,175 +325,6 @@ def _recorded(value: Any, paths_of: RunDirectory | None) -> Any:
     if paths_of is None or value is None or not Path(value).exists():  # name of a built-in plan
         return value
     return paths_of.remembered(Path(value))
-
-
-def _execute(
-    stage: Stage,
-    run: RunDirectory,
-    manifest: Manifest | None,
-    wanted: Wanted,
-    options: Mapping[str, Any],
-    observer: Observer,
-    kept: dict[Any, Any] | None = None,
-) -> Outputs:
-    """Call a stage and write what it returns: what is to come, the outputs, then the entry."""
-    started, clock = _now(), time.perf_counter()
-    observer.started(stage.name)
-    former = manifest.stages.get(stage.name) if manifest else None
-    wanted = _with_seed(stage, wanted, former)
-    inputs = {name: run.sha256(name) or "" for name in matching(manifest, stage.reads)}
-    also = _also(stage, run, manifest, observer)
-    given = Given(run, manifest, {**stage.options, **options}, wanted.seed or 0, observer, also)
-    given = replace(given, planes=_planes(stage, given), kept={} if kept is None else kept)
-    outputs, content = _call(stage, given, wanted)
-    manifest = manifest or Manifest(program_version=__version__, created_at=started)
-    manifest = _announce(run, manifest, stage.name, content)
-    run.commit(content, manifest.own(stage.name))
-    entry = _entry(wanted, inputs, started).model_copy(
-        update={
-            "outputs": {name: run.sha256(name) or "" for name in content},
-            "outcome": "done_with_findings" if _has_findings(outputs.values()) else "done",
-        }
-    )
-    run.save(_with(manifest, stage.name, entry))
-    observer.finished(stage.name, outputs, time.perf_counter() - clock)
-    return outputs
-
-
-def _also(
-    stage: Stage, run: RunDirectory, manifest: Manifest | None, observer: Observer
-) -> frozenset[str]:
-    """Stages that a stage shows where they are up to date; of one that is stale it is said."""
-    decisions = [judge(BY_NAME[name], run, manifest) for name in stage.also]
-    for stale in (d for d in decisions if d.state == "stale"):
-        observer.note(
-            f"{stage.name} does without {stale.stage}, which is stale: {stale.reason}. "
-            f"`{again(run.path)}` makes it again."
-        )
-    return frozenset(d.stage for d in decisions if d.state == "done")
-
-
-def _planes(stage: Stage, given: Given) -> tuple[Plane, ...]:
-    """Planes that the run has once there are maneuvers."""
-    if "plane" in stage.options:
-        return wanted_planes(given.options["plane"], given.maneuvers.maneuvers)
-    return planes_of(given.run) if {"identify", "validate", "diagnose"} & {*stage.after} else ()
-
-
-def _announce(
-    run: RunDirectory, manifest: Manifest, stage: str, outputs: Mapping[str, bytes]
-) -> Manifest:
-    """The manifest, saved, with outputs that are new to it: those of a killed run are then known.
-
-    Raises
-    ------
-    UsageError
-        Something that the stage has not written is in the way of one.
-    """
-    own = manifest.own(stage)
-    run.refuse_foreign(stage, outputs, own)
-    if outputs.keys() <= own:
-        return manifest
-    writing = {**manifest.writing, stage: tuple(sorted(own | outputs.keys()))}
-    manifest = manifest.model_copy(update={"writing": writing})
-    run.save(manifest)
-    return manifest
-
-
-def _with_seed(stage: Stage, wanted: Wanted, former: StageEntry | None) -> Wanted:
-    """The seed of a stage that draws: as given, else that of its last run, else 0."""
-    if not stage.draws or wanted.seed is not None:
-        return wanted
-    return replace(wanted, seed=former.seed if former and former.seed is not None else 0)
-
-
-def _call(stage: Stage, given: Given, wanted: Wanted) -> tuple[Outputs, dict[str, bytes]]:
-    """The artifacts of a stage, and the content of their files; a failure is noted."""
-    try:
-        with _ONE_AT_A_TIME, one_blas_thread():
-            outputs = called(stage, given)
-        return outputs, {name: _bytes(name, artifact) for name, artifact in outputs.items()}
-    except (InputError, NumericsError) as error:
-        if stage.after or isinstance(error, NumericsError):  # logs that are refused leave no trace
-            _record_failure(stage, given.run, given.manifest, wanted, error)
-        raise
-
-
-def _entry(wanted: Wanted, inputs: Mapping[str, str], started: str) -> StageEntry:
-    """What the manifest says of a stage that has just been called, still without outputs."""
-    files = {k: h for k, h in wanted.sources.items() if not k.startswith(PACKAGE)}
-    program = {k.removeprefix(PACKAGE): h for k, h in wanted.sources.items() if k not in files}
-    return StageEntry(
-        program_version=__version__,
-        inputs={**inputs, **files},
-        program_files=program,
-        libraries=dict(libraries()),
-        options=dict(wanted.options),
-        outputs={},
-        seed=wanted.seed,
-        started_at=started,
-        ended_at=_now(),
-    )
-
-
-def _with(manifest: Manifest, name: str, entry: StageEntry) -> Manifest:
-    """The manifest with one stage done, stages in the order of the table."""
-    stages = {**manifest.stages, name: entry}
-    ordered = {s.name: stages.pop(s.name) for s in STAGES if s.name in stages} | stages
-    failed = {key: attempt for key, attempt in manifest.failed.items() if key != name}
-    writing = {key: names for key, names in manifest.writing.items() if key != name}
-    done = {"stages": ordered, "failed": failed, "writing": writing}
-    return manifest.model_copy(update={**done, "program_version": __version__})
-
-
-def _record_failure(
-    stage: Stage,
-    run: RunDirectory,
-    manifest: Manifest | None,
-    wanted: Wanted,
-    error: AuvidentError,
-) -> None:
-    """Note why a stage failed; the artifacts of an earlier success stay."""
-    if manifest is None:
-        return
-    attempt = FailedAttempt(
-        at=_now(),
-        problem=error.problem,
-        where=error.where,
-        remedy=error.remedy,
-        exit_code=error.exit_code,
-        options=dict(wanted.options),
-    )
-    failed = {**manifest.failed, stage.name: attempt}
-    run.save(manifest.model_copy(update={"failed": failed}))
-
-
-def _marks(table: "pd.DataFrame") -> dict[str, str]:
-    """What a stage says of a table as a whole."""
-    return {str(key): str(value) for key, value in table.attrs.items()}
-
-
-def _bytes(name: str, artifact: "Any | pd.DataFrame") -> bytes:
-    """Content of a file by the end of its name."""
-    if name.endswith(".parquet"):
-        return parquet_bytes(artifact, {"program": f"auvident {__version__}", **_marks(artifact)})
-    if name.endswith(".json"):
-        return json_bytes(artifact, name)
-    return artifact if isinstance(artifact, bytes) else str(artifact).encode()
-
-
-def _has_findings(artifacts: Any) -> bool:
-    return any(_findings(artifact) for artifact in artifacts)
-
-
-def _findings(artifact: Any) -> Sequence[Any]:
-    if isinstance(artifact, Mapping):
-        return artifact.get("findings", ())
-    return getattr(artifact, "findings", ()) if not hasattr(artifact, "columns") else ()
-
-
-def _now() -> str:
-    return datetime.now(UTC).isoformat(timespec="milliseconds")
 
 
 def last_options(path: Path) -> dict[str, dict[str, Any]]:

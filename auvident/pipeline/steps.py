@@ -439,11 +439,16 @@ def combine(given: Given) -> dict[str, Any]:
 
 def report(given: Given) -> dict[str, Any]:
     """Everything that the run knows as one HTML file."""
-    from auvident.pipeline.reporting import report_data
+    from auvident.pipeline.reporting import figures_of_run, report_data
     from auvident.report.html import render
 
+    drawn = given.helper.begin(figures_of_run, given.run.path, given.also, given.planes)
     data = report_data(given)
-    pages = {"report/report.html": render(data)}
+    if given.helper.is_beside:
+        _ = [view.plan for view in data.planes]  # while the other process draws
+        pages = {"report/report.html": render(data, drawn=drawn())}
+    else:
+        pages = {"report/report.html": render(data)}
     if given.options["interactive"]:
         pages["report/interactive.html"] = render(data, live=True)
     return pages

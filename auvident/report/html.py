@@ -1,8 +1,8 @@
 """The HTML report: one file, nothing outside of it; scripts only in the interactive one."""
 
 import re
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -49,7 +49,34 @@ STRONG = 0.8  # correlation from which on a pair is listed
 MOST_PREDICTIONS = 10  # held-out maneuvers drawn; the errors of all are in a table
 
 
-def render(report: ReportData, live: bool = False) -> str:
+Figures = Mapping[str, "list[Markup]"]
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """The figures of a page by their places: those of the trials, and those of each plane."""
+
+    trials: Figures
+    planes: Sequence[Figures]
+
+
+def draw(report: ReportData, live: bool = False) -> Drawn:
+    """All figures of a page; they do not show what to fly next.
+
+    Parameters
+    ----------
+    report : ReportData
+    live : bool
+        Whether they are drawn by plotly in the browser, to hover and zoom.
+    """
+    from auvident.report.figures import style
+
+    with style(live):
+        trials = {"timelines": _safe(_timelines(report)), "tracks": _safe(_tracks(report))}
+        return Drawn(trials, [_figures(data) for data in report.planes])
+
+
+def render(report: ReportData, live: bool = False, drawn: Drawn | None = None) -> str:
     """The report as one self-contained HTML document.
 
     Parameters
@@ -58,29 +85,30 @@ def render(report: ReportData, live: bool = False) -> str:
         Sections whose artifacts are missing say so, or are left out.
     live : bool
         Whether the figures are drawn by plotly in the browser, to hover and zoom.
+    drawn : Drawn, optional
+        The figures, by `draw`; else they are drawn now.
 
     Returns
     -------
     str
     """
-    from auvident.report.figures import style
-
-    with style(live):
-        planes = [_plane(data, len(report.planes) > 1) for data in report.planes]
-        page = _template().render(
-            name=report.name,
-            version=__version__,
-            data=report,
-            subtitle=_subtitle(report),
-            aside=set_aside(report.quality) if report.quality else [],
-            planes=planes,
-            figures={"timelines": _safe(_timelines(report)), "tracks": _safe(_tracks(report))},
-            left_out=_trials_left_out(report),
-            evidence=evidence,
-            whole=_whole(report.whole) if report.whole else None,
-            scripts=_scripts() if live else "",
-            **_tables(report),
-        )
+    drawn = drawn or draw(report, live)
+    alone = len(report.planes) == 1
+    shown = zip(report.planes, drawn.planes, strict=True)
+    page = _template().render(
+        name=report.name,
+        version=__version__,
+        data=report,
+        subtitle=_subtitle(report),
+        aside=set_aside(report.quality) if report.quality else [],
+        planes=[_plane(data, figures, alone) for data, figures in shown],
+        figures=drawn.trials,
+        left_out=_trials_left_out(report),
+        evidence=evidence,
+        whole=_whole(report.whole) if report.whole else None,
+        scripts=_scripts() if live else "",
+        **_tables(report),
+    )
     return with_contents(page)
 
 
@@ -90,12 +118,13 @@ def _scripts() -> "Markup":
     return scripts()
 
 
-def _plane(report: ReportData, one_of_several: bool) -> dict[str, Any]:
+def _plane(report: ReportData, figures: Figures, alone: bool) -> dict[str, Any]:
     """What the page shows of one plane: its summary, and its sections as markup."""
     from markupsafe import Markup
 
-    of_plane = f", {report.plane} plane" if one_of_several else ""
-    view = {"of_plane": of_plane, "number": number, "evidence": evidence, **_view(report)}
+    of_plane = "" if alone else f", {report.plane} plane"
+    view = {"of_plane": of_plane, "number": number, "evidence": evidence, "figures": figures}
+    view |= _view(report)
     sections = {
         name: Markup(_template(f"{file}.html").render(**view))
         for name, file in (("findings", "plane"), ("history", "history"), ("passes", "passes"))
@@ -133,7 +162,6 @@ def _view(report: ReportData) -> dict[str, Any]:
         "coverage": words.coverage(report),
         "untested": words.untested(report),
         "rules": rules(tables_model.SIGHT_WORDS),
-        "figures": _figures(report),
         **_plane_tables(report),
     }
 
@@ -183,7 +211,7 @@ def _safe(texts: Sequence[str | None]) -> "list[Markup]":
     return [Markup(text) for text in texts if text]
 
 
-def _figures(report: ReportData) -> "dict[str, list[Markup]]":
+def _figures(report: ReportData) -> Figures:
     """All figures of a plane."""
     return {
         "predictions": _safe(_predictions(report)),

@@ -54,7 +54,7 @@ def test_without_logs_those_of_the_last_run_are_taken(demo: Path) -> None:
 def test_an_option_reaches_its_stage(demo: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Without the work: the decisions say what would run, and why."""
     told = Told()
-    monkeypatch.setattr(pipeline_run, "_execute", lambda *_: {})
+    monkeypatch.setattr(pipeline_run._Progress, "_run", lambda *_: None)
     auvident.run(run=demo, hold_out="harbour_trial-turn-1", plan="together", observer=told)
     said = "\n".join(told.sentences)
     assert "option hold_out changed from none to harbour_trial-turn-1" in said

@@ -205,7 +205,7 @@ def test_a_whole_run_meets_a_foreign_file_before_it_begins(
 ) -> None:
     run = tmp_path / "run"
     write_bytes(run / name, MINE.encode())
-    monkeypatch.setattr("auvident.pipeline.run._call", lambda *_: pytest.fail("it began"))
+    monkeypatch.setattr("auvident.pipeline.execution.make", lambda *_: pytest.fail("it began"))
     with pytest.raises(UsageError, match=name):
         run_all(run, OPTIONS[0])
     assert contents(run) == {name: MINE.encode()}
@@ -216,7 +216,7 @@ def test_a_stage_meets_a_foreign_file_before_it_begins(
 ) -> None:
     write_bytes(run / "identify" / "states.parquet", MINE.encode())
     before = contents(run)
-    monkeypatch.setattr("auvident.pipeline.run._call", lambda *_: pytest.fail("it began"))
+    monkeypatch.setattr("auvident.pipeline.execution.make", lambda *_: pytest.fail("it began"))
     with pytest.raises(UsageError, match=r"states\.parquet"):
         run_stage("identify", run)
     assert contents(run) == before

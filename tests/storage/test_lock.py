@@ -89,7 +89,7 @@ def test_a_new_directory_is_locked_while_its_first_stage_works(
             pass
         raise NumericsError("enough")
 
-    monkeypatch.setattr("auvident.pipeline.run._call", meanwhile)
+    monkeypatch.setattr("auvident.pipeline.execution.make", meanwhile)
     with pytest.raises(NumericsError, match="enough"):
         run_stage("ingest", run, options)
     assert not run.exists()
