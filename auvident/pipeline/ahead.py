@@ -16,6 +16,8 @@ OF_STAGES = (
     "auvident.stages.validate",
     "auvident.stages.desk",
 )
+# by this process before there is a helper, as both draw on it for a report
+OF_BOTH = ("pandas", "auvident.report.html")
 # by the helper while the model is identified
 OF_REPORT = (
     "auvident.report.html",

@@ -30,9 +30,9 @@ TOLD, MADE, RAISED, FAILED = "told", "made", "raised", "failed"
 
 
 @contextmanager
-def helping() -> "Iterator[Helper]":
+def helping(wanted: bool = True) -> "Iterator[Helper]":
     """A helper, which is gone afterwards; one that does everything here where none can be made."""
-    helper = Helper(_Copy() if _can_copy() else None)
+    helper = Helper(_Copy() if wanted and _can_copy() else None)
     try:
         yield helper
     finally:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from auvident.errors import AuvidentError, NumericsError, StageError
-from auvident.pipeline.ahead import OF_INGEST, OF_REPORT, OF_STAGES, load
+from auvident.pipeline.ahead import OF_BOTH, OF_INGEST, OF_REPORT, OF_STAGES, load
 from auvident.pipeline.execution import Execution, Made
 from auvident.pipeline.freshness import Decision, Wanted, first_broken, in_planes, judge, judge_all
 from auvident.pipeline.given import Given
@@ -88,9 +88,10 @@ def run_stage(
         _refuse_broken(stage, run, manifest)
         _refuse_foreign(run, manifest, [stage])
         wanted = _wanted(stage, run, options or {}, seed)
-        with helping() as helper:
-            if _size_of_trials(run) > MOST_BYTES_BESIDE:
-                helper.dismiss()
+        helped = stage.helped and _size_of_trials(run) <= MOST_BYTES_BESIDE
+        if helped:
+            load(OF_BOTH)
+        with helping(helped) as helper:
             given = Given(run, manifest, observer=observer, helper=helper)
             execution = Execution.begun(stage, wanted, options or {}, given)
             return execution.conclude(execution.here())

@@ -57,6 +57,8 @@ class Stage:
         Options that are paths; the manifest keeps them relative to the run directory.
     draws : bool
         Whether it draws random numbers, so that the seed matters.
+    helped : bool
+        Whether it does a part of its work beside the other.
     """
 
     name: str
@@ -73,6 +75,7 @@ class Stage:
     also: tuple[str, ...] = ()
     planes: tuple[str, ...] = PLANES
     needs_both: bool = False
+    helped: bool = False
 
     @property
     def by_plane(self) -> bool:
@@ -230,6 +233,7 @@ STAGES: tuple[Stage, ...] = (
         main="report/report.html",
         function=steps.report,
         options={"interactive": None},
+        helped=True,
         also=("diagnose", "refine", "combine"),
     ),
 )
