@@ -10,8 +10,8 @@ from auvident.cli.ending import of_run, told_in_files
 
 @command("diagnose", "auvident diagnose runs/demo")
 @RUN
-@SEED
-def diagnose(output: Output, run: Path, seed: int | None) -> None:
+@click.option("--seed", hidden=True, expose_value=False)  # of earlier versions: nothing is drawn
+def diagnose(output: Output, run: Path) -> None:
     """Trace what the model does not explain to an effect that it lacks.
 
     It first reports which effects these maneuvers could show at all. Then each effect of
@@ -21,7 +21,7 @@ def diagnose(output: Output, run: Path, seed: int | None) -> None:
     from auvident.report.closing import after_diagnose
     from auvident.schema.places import by_plane
 
-    planes = by_plane(run_one(output, "diagnose", run, seed))
+    planes = by_plane(run_one(output, "diagnose", run))
     verdicts = [own["diagnose/diagnosis.json"].verdict for _, own in planes]
     output.last(after_diagnose(run, verdicts))
 

@@ -219,7 +219,6 @@ def diagnose(given: Given) -> dict[str, Any]:
         setup,
         given.model,
         told=told,
-        seed=given.seed or 0,
         progress=given.observer.progress,
     )
     return {

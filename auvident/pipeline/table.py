@@ -171,7 +171,6 @@ STAGES: tuple[Stage, ...] = (
         writes=("diagnose/diagnosis.json", "diagnose/residuals.parquet"),
         main="diagnose/diagnosis.json",
         function=steps.diagnose,
-        draws=True,
     ),
     Stage(
         "refine",

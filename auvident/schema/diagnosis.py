@@ -93,13 +93,13 @@ class Candidate(Artifact):
     ``gain`` is the rise of the log-likelihood by adding it, in nats, corrected for the colour of
     the residual; never below zero, as the fit with it holds the one without. ``held_back_gain``
     is that of identifying maneuvers left out in turn, ``strength`` the same in its standard errors
-    (fewer where it helps too few of them or explains too little), ``p`` how often the strongest
-    candidate of a healthy vehicle has as much (and no less than with the signs of the gains drawn,
-    times the candidates), all three only of candidates that came so far, ``improved`` the share of
-    them that it helps, ``rms_fall`` the relative fall of the residual
-    by channel. ``refitted`` is false where ``gain`` is only what the first steps promise.
-    ``rejected`` says in words which test it failed, empty for an accepted one, and ``refusal`` by
-    which rule. ``beside`` are the effects that the model had already: gains beside others are no
+    (fewer where it helps too few of them or explains too little; where it helps none, or did not
+    come so far, -1 / (1 + ``gain``)), ``p`` how often the strongest candidate of a healthy vehicle
+    has as much, ``improved`` the share of the maneuvers left out that it helps, ``rms_fall`` the
+    relative fall of the residual by channel. ``held_back_gain`` and ``improved`` are those of
+    candidates that came so far. ``refitted`` is false where ``gain`` is only what the first steps
+    promise. ``rejected`` says in words which test it failed, empty for an accepted one, and
+    ``refusal`` by which rule. ``beside`` are the effects that the model had already: gains beside others are no
     gains of the same model.
     """
 

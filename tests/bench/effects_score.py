@@ -82,8 +82,8 @@ def least_chance(diagnosis: Row, own: Iterable[str] = ()) -> float:
 
 
 def most_strength(diagnosis: Row, own: Iterable[str] = ()) -> float:
-    """Largest ``strength`` of the same candidates; 0 where there is none."""
-    return max((c.get("strength") or 0.0 for c in _large_enough(diagnosis, own)), default=0.0)
+    """Largest ``strength`` of the same candidates; -1, the least, where there is none."""
+    return max((c["strength"] for c in _large_enough(diagnosis, own)), default=-1.0)
 
 
 def _large_enough(diagnosis: Row, own: Iterable[str]) -> list[Row]:
@@ -96,17 +96,25 @@ def _large_enough(diagnosis: Row, own: Iterable[str]) -> list[Row]:
 
 
 def uniformity(chances: Sequence[float]) -> dict[str, Any]:
-    """Whether chances of trials with nothing to find are uniform, or cautious.
+    """Whether chances of trials with nothing to find are uniform.
 
-    ``excess`` is how far the share of trials below some chance exceeds that chance at most
-    (Kolmogorov and Smirnov, to the side that would be a false alarm); ``p`` how often that much is
-    chance.
+    ``away`` is how far the share of trials below some chance is from that chance at most
+    (Kolmogorov and Smirnov), ``excess`` the same to the side that would be a false alarm; ``p`` and
+    ``p of excess`` are how often that much is chance.
     """
     if not chances:
-        return {"n": 0, "below 0.05": "-", "excess": "-", "p": "-"}
-    found = kstest(chances, "uniform", alternative="greater")
-    told = {"excess": float(found.statistic), "p": float(found.pvalue)}
-    return {"n": len(chances), "below 0.05": sum(c < 0.05 for c in chances), **told}
+        none = dict.fromkeys(("away", "p", "excess", "p of excess"), "-")
+        return {"n": 0, "below 0.05": "-", **none}
+    found = kstest(chances, "uniform")
+    above = kstest(chances, "uniform", alternative="greater")
+    return {
+        "n": len(chances),
+        "below 0.05": sum(c < 0.05 for c in chances),
+        "away": float(found.statistic),
+        "p": float(found.pvalue),
+        "excess": float(above.statistic),
+        "p of excess": float(above.pvalue),
+    }
 
 
 def score(outcome: Row) -> Score:

@@ -10,7 +10,7 @@ from tests.bench.effects_summary import CHANCE
 from tests.bench.population_score import Drawn
 
 STRENGTH = "strongest candidate of a healthy vehicle"
-SHARES = (1.0, 0.8, 0.6, 0.5, 0.4, 0.3, 0.2, 0.15, 0.1, 0.07, 0.05, 0.03, 0.02)
+SHARES = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.15, 0.1, 0.07, 0.05, 0.03, 0.02, 0.01)
 Table = list[dict[str, Any]]
 
 
@@ -26,14 +26,11 @@ def healthy_tables(trials: Sequence[Drawn]) -> dict[str, Table]:
 def reached(strengths: Sequence[float]) -> Table:
     """Strength that a share of so many vehicles reaches, for shares that they can tell.
 
-    The k-th largest of n is reached by another vehicle as often as k / (n + 1). Many reach none.
+    The k-th largest of n is reached by another vehicle as often as k / (n + 1), and -1 by all.
     """
-    found, n = np.sort(np.maximum(strengths, 0.0))[::-1], len(strengths)
+    found, n = np.append(np.sort(strengths)[::-1], -1.0), len(strengths)
     shares = [share for share in SHARES if share * (n + 1) >= 1.0]
-    ranks = [min(share * (n + 1), n) - 1 for share in shares]
-    values = np.interp(ranks, np.arange(n), found)
-    kept = (values > 0.0) | (np.array(shares) == 1.0)
-    shares, values = [s for s, k in zip(shares, kept, strict=True) if k], values[kept]
+    values = np.interp([share * (n + 1) - 1.0 for share in shares], np.arange(n + 1), found)
     return [
-        {"share": s, "strength": round(float(v), 2)} for s, v in zip(shares, values, strict=True)
+        {"share": s, "strength": float(f"{v:.3g}")} for s, v in zip(shares, values, strict=True)
     ]

@@ -65,7 +65,6 @@ def diagnose(
     model: IdentifiedModel,
     *,
     told: Sequence[SensorCheck] = (),
-    seed: int = 0,
     progress: Progress | None = None,
 ) -> Diagnosed:
     """Trace what a model leaves of the identifying maneuvers to the effects it lacks.
@@ -81,8 +80,6 @@ def diagnose(
     model : IdentifiedModel
     told : sequence of SensorCheck
         What was found of effects in the other plane (`told_by`).
-    seed : int
-        Of sign flips and bootstrap.
     progress : callable, optional
         Called with a text and the share of what the text speaks of that is done, None where
         nobody knows.
@@ -97,7 +94,7 @@ def diagnose(
     try:
         stated = (DVL_HEIGHT,) if vehicle.dvl.z_m is not None else ()
         case = case_of(setup, model, [*told, *CHECKS[model.plane](trials, vehicle)], stated)
-        return _diagnosed(trials, maneuvers, case, model, seed, tell)
+        return _diagnosed(trials, maneuvers, case, model, tell)
     except np.linalg.LinAlgError as error:
         raise NumericsError(
             f"the fits of the residual are singular ({error})",
@@ -110,7 +107,6 @@ def _diagnosed(
     maneuvers: Maneuvers,
     case: Case,
     model: IdentifiedModel,
-    seed: int,
     tell: Progress,
 ) -> Diagnosed:
     there, missing = testable(case.setup, case.records)
@@ -121,8 +117,7 @@ def _diagnosed(
         return bool(mattering(remainders(case, fitted, model.length_m)))
 
     def trace(seen: Case, baseline: Fitted) -> Traced:
-        rng = np.random.default_rng(seed)
-        return Search(seen, candidates, rng, told=Telling(tell), wanting=wanting).trace(baseline)
+        return Search(seen, candidates, told=Telling(tell), wanting=wanting).trace(baseline)
 
     tell("residual of the model, one-off events", None)
     traced, events = traced_without_events(pushes, trace)

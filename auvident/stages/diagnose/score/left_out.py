@@ -33,16 +33,12 @@ Array = npt.NDArray[Any]
 STEPS = 20  # of each fit without a maneuver, at most
 MOST_FITS = 10  # of more maneuvers several are left out together, so that time grows with length
 MOST_OF_BLOCK = 30.0  # [nats] a block of time counts for no more
-DRAWS = 400
 # [nats] a maneuver that an effect changes by less says nothing about it: a steady turn hardly shows
 # a late rudder (seed 1519: three zigzags gain 120 and more, three turns lose 3 to 6)
 INDIFFERENT = 10.0
 LEAST_TELLING = 2  # maneuvers: what one says is no evidence
-LOWER = 0.025
 LEAST_ERROR = 1.0e-9  # [nats] of a gain: less is none
 LEAST_ABOVE = 0.05  # of the power of a residual, above the noise of its sensor, to be looked at
-FLIPS = 9999  # of signs; among 28 effects the least p is then 0.003
-LEAST_CHANCE = 1.0 / (1 + FLIPS)
 
 
 @dataclass(frozen=True)
@@ -168,13 +164,9 @@ class Helped:
         Rise of their log-likelihood [nats].
     share : float
         Of the maneuvers that it helps.
-    low : float
-        Lower 2.5 % bound of the gain, from a bootstrap over blocks of time.
     deciding : float
         Share as above of the maneuvers that it changes by more than `INDIFFERENT`; zero where
         there is none.
-    p : float
-        How often an effect that means nothing would help as much; see `chance_of`.
     t : float
         The gain in standard errors; see `t_value`.
     strength : float
@@ -186,9 +178,7 @@ class Helped:
 
     gain: float
     share: float
-    low: float
     deciding: float = 0.0
-    p: float = 1.0
     t: float = 0.0
     explained: float = 0.0
     strength: float = 0.0
@@ -197,7 +187,6 @@ class Helped:
 def helped(
     before: LeftOut,
     after: LeftOut,
-    rng: np.random.Generator,
     gain: float = np.inf,
     floor: Array | float = 0.0,
 ) -> Helped:
@@ -212,20 +201,15 @@ def helped(
     """
     gains = gains_told(before, after, gain)
     whole = np.concatenate(gains)
-    drawn = rng.choice(whole, size=(DRAWS, len(whole))).sum(axis=1)
     sums = np.array([g.sum() for g in gains])
     decided = sums[np.abs(sums) > INDIFFERENT]
     deciding = float(np.mean(decided > 0.0)) if len(decided) else 0.0
-    low = float(np.quantile(drawn, LOWER))
-    p = chance_of(whole, rng)
     tell = telling(before, after, gain)
     least = np.broadcast_to(floor, before.power.shape)
     return Helped(
         float(whole.sum()),
         float(np.mean(sums > 0.0)),
-        low,
         deciding,
-        p,
         t_value(whole),
         explained_share(before.power[tell], after.power[tell], least[tell]),
     )
@@ -301,19 +285,3 @@ def explained_share(before: Array, after: Array, floor: Array | float) -> float:
     there = above > LEAST_ABOVE * old
     shares = (old - new)[there] / above[there]
     return float(shares.max(initial=0.0))
-
-
-def chance_of(gains: Array, rng: np.random.Generator, draws: int = FLIPS) -> float:
-    """How often gains (n,) of blocks left out add up to as much with their signs drawn.
-
-    An effect that means nothing changes what was left out for the worse as often as for the
-    better. A randomisation test (Fisher 1935): the sum that is observed and the sums that are
-    drawn are one statistic. What a parameter costs for nothing makes it cautious.
-
-    Returns
-    -------
-    float
-        1 / (1 + draws) at least.
-    """
-    signs = rng.choice([-1.0, 1.0], size=(draws, len(gains)))
-    return float((1 + np.sum(signs @ gains >= gains.sum())) / (1 + draws))

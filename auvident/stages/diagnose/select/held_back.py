@@ -4,12 +4,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.special import chdtrc
 
 from auvident.stages.diagnose.fit.case import Case
 from auvident.stages.diagnose.fit.fits import Fitted, check_cost, log_gain
 from auvident.stages.diagnose.score.left_out import (
-    LEAST_CHANCE,
     FitsWithout,
     Helped,
     helped,
@@ -19,7 +17,7 @@ from auvident.stages.diagnose.score.left_out import (
 from auvident.stages.diagnose.select import rules
 from auvident.stages.diagnose.select.candidates import Tried
 from auvident.stages.diagnose.select.decisions import judge
-from auvident.stages.diagnose.select.healthy import share_of_healthy, strength
+from auvident.stages.diagnose.select.healthy import strength
 from auvident.stages.diagnose.select.records import Account
 from auvident.stages.diagnose.select.rule import passes
 from auvident.stages.diagnose.select.telling import LEAVE_OUT, Telling
@@ -29,8 +27,6 @@ def judged_with(
     case: Case,
     before: Fitted,
     tried: Sequence[Tried],
-    among: int,
-    rng: np.random.Generator,
     told: Telling | None = None,
     without: FitsWithout | None = None,
 ) -> list[Tried]:
@@ -42,8 +38,6 @@ def judged_with(
         The model without any of them.
     tried : sequence of Tried
         Largest gain first.
-    among : int
-        Effects that the search chooses from.
     told : Telling, optional
     without : FitsWithout, optional
         Fits of other rounds.
@@ -54,46 +48,31 @@ def judged_with(
 
     def left_out(account: Account) -> Helped:
         told.next(account.id)
-        return left_out_with(case, before, fits[account.id], among, rng, without)
+        return left_out_with(case, before, fits[account.id], without)
 
     accounts = judge([t.account for t in tried], left_out)
     return [Tried(fits[account.id], account, refusal) for account, refusal in accounts]
 
 
-def left_out_with(
-    case: Case,
-    before: Fitted,
-    after: Fitted,
-    among: int,
-    rng: np.random.Generator,
-    without: FitsWithout,
-) -> Helped:
+def left_out_with(case: Case, before: Fitted, after: Fitted, without: FitsWithout) -> Helped:
     """What a model does for the maneuvers left out, beside the one without its last effect."""
     old = seen_with(case, before, without.of(case, before), after.colours)
     new = seen_with(case, after, without.of(case, after), after.colours)
     floor = noise_floor(case, after.colours)
-    found = helped(old, new, rng, log_gain(before, after), floor)
+    found = helped(old, new, log_gain(before, after), floor)
     found = with_sensors(case, before, after, found)
-    told = strength(found)
-    chance = max(min(1.0, among * found.p), share_of_healthy(told))
-    return replace(found, p=chance, strength=told)
+    return replace(found, strength=strength(found))
 
 
 def with_sensors(case: Case, before: Fitted, fitted: Fitted, found: Helped) -> Helped:
-    """The same with what the sensors say about each other, which needs no maneuver.
-
-    How far out a check is Gaussian nobody knows: its chance is no less than signs can show.
-    """
+    """The same with what the sensors say about each other, which needs no maneuver."""
     old, new = check_cost(case, before.parameters), check_cost(case, fitted.parameters)
     gained = old - new
     if not passes(gained, rules.SENSORS):
         return found
-    by_sensors = float(chdtrc(len(case.positions(fitted.effects[-1])), 2.0 * gained))
     return Helped(
         found.gain + gained,
         share=1.0,  # the sensors are the same in every maneuver
-        low=found.low + gained,
-        p=2.0 * max(min(by_sensors, found.p), LEAST_CHANCE),
         t=max(found.t, float(np.sqrt(2.0 * gained))),
         explained=max(found.explained, gained / old),
     )

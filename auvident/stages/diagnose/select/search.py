@@ -7,8 +7,6 @@ maneuvers take no part.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from auvident.schema.effects import BY_ID
 from auvident.schema.likeness import partners
 from auvident.stages.diagnose.fit.case import Case
@@ -35,11 +33,10 @@ from auvident.stages.diagnose.select.together import Pair, together
 
 @dataclass
 class Search:
-    """State of a search: the case, the candidates, the random numbers, and what happened."""
+    """State of a search: the case, the candidates, and what happened."""
 
     case: Case
     candidates: tuple[str, ...]
-    rng: np.random.Generator
     steps: list[str] = field(default_factory=list)
     unclaimed: list[str] = field(default_factory=list)
     put_back: list[str] = field(default_factory=list)  # accepted, and taken out at once
@@ -76,9 +73,7 @@ class Search:
         before = with_best_times(self.case, before, candidates)
         screened = screen(self.case, before, candidates)
         before, tried = refitted(self.case, before, screened, self.told, fits)
-        judged = judged_with(
-            self.case, before, tried, len(self.candidates), self.rng, self.told, self.without
-        )
+        judged = judged_with(self.case, before, tried, self.told, self.without)
         accepted = next((t for t in judged if t.refusal is None), None)
         alike = alike_of(self.case, screened.joint, candidates, accepted, judged)
         name = accepted.id if accepted else None
@@ -102,8 +97,7 @@ class Search:
 
     def _together(self, done: Round) -> Pair | None:
         """Two effects that hide each other, written down."""
-        among = len(self.candidates)
-        pair = together(self.case, done, self.one_round, among, self.rng, self.without)
+        pair = together(self.case, done, self.one_round, self.without)
         if pair is not None:
             gain = log_gain(done.before, pair.fitted)
             self.steps.append(f"{' and '.join(pair.effects)} added together: {gain:.0f} nats")

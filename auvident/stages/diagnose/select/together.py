@@ -10,8 +10,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache, partial
 
-import numpy as np
-
 from auvident.stages.diagnose.fit.case import Case
 from auvident.stages.diagnose.fit.fits import Fitted, log_gain
 from auvident.stages.diagnose.fit.refits import apart, from_both, without
@@ -47,8 +45,6 @@ def together(
     case: Case,
     done: Round,
     search: Search,
-    among: int,
-    rng: np.random.Generator,
     without: FitsWithout,
 ) -> Pair | None:
     """Two effects that pass the rules together, and each beside the other; None without such.
@@ -60,9 +56,6 @@ def together(
         In which none was accepted.
     search : callable
         One round of the search from a model.
-    among : int
-        Effects that the search chooses from.
-    rng : numpy Generator
     without : FitsWithout
         Fits of other rounds.
     """
@@ -74,8 +67,8 @@ def together(
         if accepted is None:
             continue
         pair = accepted.fitted
-        both = left_out_with(case, done.before, pair, among, rng, without)
-        own = cache(partial(beside, case, first, pair, among, rng, without))
+        both = left_out_with(case, done.before, pair, without)
+        own = cache(partial(beside, case, first, pair, without))
         if shown_together(first.account, both, own):
             return Pair(_accepting(done, first, own()), second)
     return None
@@ -85,8 +78,6 @@ def beside(
     case: Case,
     first: Tried,
     pair: Fitted,
-    among: int,
-    rng: np.random.Generator,
     fits: FitsWithout,
 ) -> Account:
     """What is known of the first effect of a pair, beside the model with the second alone."""
@@ -97,7 +88,7 @@ def beside(
     last = replace(pair, effects=(*rest, first.id))
     gain = log_gain(alone, last)
     account = account_of(case, alone, last, 0.0, True, gain)
-    return replace(account, helped=left_out_with(case, alone, last, among, rng, fits))
+    return replace(account, helped=left_out_with(case, alone, last, fits))
 
 
 def _accepting(done: Round, first: Tried, found: Account) -> Round:

@@ -7,6 +7,7 @@ from auvident.schema.diagnosis import Candidate, Refused
 from auvident.schema.effects import BY_ID
 from auvident.stages.diagnose.fit.case import Case
 from auvident.stages.diagnose.select.candidates import Round, Tried
+from auvident.stages.diagnose.select.healthy import share_of_healthy, standing
 from auvident.stages.diagnose.verdict.uncertainty import effect_values
 
 
@@ -24,11 +25,14 @@ def candidate_rows(rounds: Sequence[Round], case: Case) -> list[Candidate]:
 
 
 def _unlisted(name: str, gain: float, beside: tuple[str, ...]) -> Candidate:
+    told = standing(None, gain)
     return Candidate(
         id=name,
         family=BY_ID[name].family,
         gain=gain,
         beside=beside,
+        p=share_of_healthy(told),
+        strength=told,
         rejected="not fitted: expected gain too small",
     )
 
@@ -36,15 +40,16 @@ def _unlisted(name: str, gain: float, beside: tuple[str, ...]) -> Candidate:
 def _row(case: Case, tried: Tried, beside: tuple[str, ...]) -> Candidate:
     values = effect_values(case, tried.id, tried.fitted.parameters, None)
     helped, refusal = tried.account.helped, tried.refusal
+    told = standing(helped, tried.gain)
     return Candidate(
         id=tried.id,
         family=BY_ID[tried.id].family,
         gain=tried.gain,
         beside=beside,
-        p=helped.p if helped else None,
+        p=share_of_healthy(told),
         parameters=values,
         held_back_gain=helped.gain if helped else None,
-        strength=helped.strength if helped else None,
+        strength=told,
         improved=helped.share if helped else None,
         rms_fall=dict(tried.account.falls),
         refitted=tried.account.settled,

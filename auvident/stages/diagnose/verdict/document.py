@@ -15,6 +15,7 @@ from auvident.schema.loop_statements import (
     statement,
 )
 from auvident.stages.diagnose.select.candidates import Traced
+from auvident.stages.diagnose.select.healthy import share_of_healthy
 from auvident.stages.diagnose.select.rules import LEAST_GAIN
 from auvident.stages.diagnose.verdict.candidates import candidate_rows
 from auvident.stages.diagnose.verdict.carried import carried
@@ -120,4 +121,4 @@ def _false_alarm_p(traced: Traced, effects: Sequence[EffectFound]) -> float | No
     if first is None:
         return None
     helped = next(t for t in first.tried if t.id == first.accepted).account.helped
-    return helped.p if helped else None
+    return share_of_healthy(helped.strength) if helped else None
