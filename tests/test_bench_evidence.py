@@ -10,7 +10,7 @@ from auvident.stages.diagnose.fit.fits import fit_with
 from auvident.stages.diagnose.select import rules
 from auvident.stages.diagnose.select.candidates import Tried
 from tests.bench import evidence, evidence_score, evidence_trial
-from tests.bench.evidence_score import KINDS, named, outcome_of, share, tables, what_is
+from tests.bench.evidence_score import KINDS, chance_of, named, outcome_of, share, tables, what_is
 from tests.bench.evidence_trial import wald
 from tests.stages.diagnose.loop_chain import small_case, small_fit
 from tests.stages.diagnose.select.test_rules import GOOD
@@ -165,3 +165,18 @@ def test_outcomes_are_kept_and_scored_again(tmp_path, monkeypatch) -> None:
     assert made == [4, 6]
     assert "evidence by kind (tune, 2 trials)" in shown
     assert rules.LEAST_T == 2.5
+
+
+def test_an_effect_that_means_nothing_is_found_out_by_chance() -> None:
+    """What is observed and what is drawn are one statistic: p is uniform where signs are chance."""
+    rng = np.random.default_rng(11)
+    found = [chance_of(rng.standard_t(3, size=60), rng, 199) for _ in range(200)]
+    # Kolmogorov-Smirnov with 200 draws: 0.115 at 1 %; p comes in steps of 1/200
+    assert np.abs(np.sort(found) - (np.arange(200) + 0.5) / 200).max() < 0.115
+
+
+def test_an_effect_that_always_helps_has_the_least_p() -> None:
+    rng = np.random.default_rng(0)
+    assert chance_of(rng.uniform(1.0, 30.0, size=60), rng, 999) == pytest.approx(1e-3)
+    assert chance_of(-rng.uniform(1.0, 30.0, size=60), rng, 999) == 1.0
+    assert chance_of(np.ones(3), rng, 9999) == pytest.approx(0.125, abs=0.02)  # too few blocks

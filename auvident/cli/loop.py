@@ -4,13 +4,28 @@ from pathlib import Path
 
 import click
 
-from auvident.cli.common import FAIL_ABOVE, RUN, SEED, Output, command, parse_limits, run_one
+from auvident.cli.common import (
+    FAIL_ABOVE,
+    MOST_SEED,
+    RUN,
+    SEED,
+    Natural,
+    Output,
+    command,
+    parse_limits,
+    run_one,
+)
 from auvident.cli.ending import of_run, told_in_files
 
 
 @command("diagnose", "auvident diagnose runs/demo")
 @RUN
-@click.option("--seed", hidden=True, expose_value=False)  # of earlier versions: nothing is drawn
+@click.option(
+    "--seed",
+    type=Natural(MOST_SEED),
+    expose_value=False,
+    help="Taken as of the other commands; a diagnosis draws nothing.",
+)
 def diagnose(output: Output, run: Path) -> None:
     """Trace what the model does not explain to an effect that it lacks.
 

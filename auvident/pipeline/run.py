@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from auvident.errors import AuvidentError, NumericsError, StageError
-from auvident.pipeline.ahead import OF_BOTH, OF_INGEST, OF_REPORT, OF_STAGES, load
+from auvident.pipeline.ahead import OF_BOTH, OF_INGEST, OF_REPORT, OF_STAGES, load, load_a_kernel
 from auvident.pipeline.execution import Execution, Made
 from auvident.pipeline.freshness import Decision, Wanted, first_broken, in_planes, judge, judge_all
 from auvident.pipeline.given import Given
@@ -212,6 +212,7 @@ class _Progress:
             return execution.here()
         asked = execution.beside()
         load(OF_STAGES)
+        load_a_kernel()
         made = asked()
         helper.renew()
         return made

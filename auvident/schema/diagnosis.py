@@ -99,8 +99,8 @@ class Candidate(Artifact):
     relative fall of the residual by channel. ``held_back_gain`` and ``improved`` are those of
     candidates that came so far. ``refitted`` is false where ``gain`` is only what the first steps
     promise. ``rejected`` says in words which test it failed, empty for an accepted one, and
-    ``refusal`` by which rule. ``beside`` are the effects that the model had already: gains beside others are no
-    gains of the same model.
+    ``refusal`` by which rule. ``beside`` are the effects that the model had already: gains beside
+    others are no gains of the same model.
     """
 
     id: str

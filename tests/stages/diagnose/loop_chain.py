@@ -23,10 +23,10 @@ class Loop:
     setup: Setup
     model: IdentifiedModel
 
-    def diagnose(self, seed: int = 0) -> Diagnosed:
+    def diagnose(self) -> Diagnosed:
         c = self.chain
         seen = [without_held_out(t, c.maneuvers, "horizontal") for t in c.trials]
-        return diagnose(seen, c.maneuvers, c.vehicle, self.setup, self.model, seed=seed)
+        return diagnose(seen, c.maneuvers, c.vehicle, self.setup, self.model)
 
 
 @once

@@ -125,7 +125,6 @@ def test_the_second_plane_is_told_and_takes_no_drag_of_a_model_that_lacks_it(
         vehicle="",
         model=SimpleNamespace(plane=PLANES[1], filter="ekf", engine="compiled"),
         noise=lambda: "",
-        seed=0,
         observer=Observer(),
         is_beside=True,
         planes=PLANES,

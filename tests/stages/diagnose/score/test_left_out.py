@@ -18,7 +18,6 @@ from auvident.stages.diagnose.score.left_out import (
     FitsWithout,
     Helped,
     LeftOut,
-    chance_of,
     explained_share,
     helped,
     leave_out,
@@ -123,36 +122,21 @@ def made(*blocks: list[float], excess: list[float] | None = None) -> LeftOut:
 
 def test_the_gain_is_half_the_fall_of_the_squares() -> None:
     before, after = made([40.0, 20.0], [30.0]), made([30.0, 22.0], [34.0])
-    found = helped(before, after, np.random.default_rng(0))
+    found = helped(before, after)
     assert found.gain == pytest.approx(0.5 * (10.0 - 2.0 - 4.0))
     assert found.share == 0.5
-    # drawn blocks are 5, -1 or -2 nats, three of them
-    assert -6.0 <= found.low <= found.gain
-
-
-def test_the_bound_needs_most_blocks_to_gain() -> None:
-    drawn = np.random.default_rng(1).normal(size=60)
-    # of mean 1 whatever was drawn: a sum of 60 nats with a standard deviation of 62
-    spread, even = 8.0 * (drawn - drawn.mean()) / drawn.std() + 1.0, np.full(60, 1.0)
-    for gains, sign in ((spread, -1.0), (even, 1.0)):
-        before, after = made(list(2.0 * gains + 50.0)), made([50.0] * 60)
-        assert np.sign(helped(before, after, np.random.default_rng(2)).low) == sign
 
 
 def test_maneuvers_that_hardly_change_do_not_decide() -> None:
     large = [90.0] * 4
     before = made(large, large, [50.0], [50.0], [50.0])
-    found = helped(
-        before, made([40.0] * 4, [30.0] * 4, [52.0], [54.0], [51.0]), np.random.default_rng(0)
-    )
+    found = helped(before, made([40.0] * 4, [30.0] * 4, [52.0], [54.0], [51.0]))
     assert (found.share, found.deciding) == (0.4, 1.0)
     assert unhelpful(found) == ""
-    worse = helped(
-        before, made([40.0] * 4, [30.0] * 4, [90.0], [90.0], [51.0]), np.random.default_rng(0)
-    )
+    worse = helped(before, made([40.0] * 4, [30.0] * 4, [90.0], [90.0], [51.0]))
     assert (worse.share, worse.deciding) == (0.4, 0.5)
     assert "40 %" in unhelpful(worse)
-    same = helped(before, before, np.random.default_rng(0))
+    same = helped(before, before)
     assert (same.share, same.deciding) == (0.0, 0.0) and unhelpful(same)
 
 
@@ -171,9 +155,9 @@ def test_a_maneuver_that_no_fit_to_the_others_predicts_says_nothing() -> None:
 def test_what_says_nothing_has_no_part_in_what_an_effect_helps() -> None:
     before = made(*LOST, excess=[500.0, 30.0, 9.0])
     after = made([990.0] * 4, [20.0] * 4, [48.0], excess=[680.0, 2.0, 8.0])
-    rest = helped(made(*LOST[1:]), made([20.0] * 4, [48.0]), np.random.default_rng(0))
-    assert helped(before, after, np.random.default_rng(0), 100.0) == rest
-    assert rest.t > 2.0 > helped(before, after, np.random.default_rng(0)).t
+    rest = helped(made(*LOST[1:]), made([20.0] * 4, [48.0]))
+    assert helped(before, after, 100.0) == rest
+    assert rest.t > 2.0 > helped(before, after).t
 
 
 def test_the_excess_is_what_leaving_a_maneuver_out_costs() -> None:
@@ -187,10 +171,9 @@ def test_the_excess_is_what_leaving_a_maneuver_out_costs() -> None:
 
 
 def test_a_prediction_that_runs_away_is_bad_but_finite() -> None:
-    found = helped(made([10.0, 10.0]), made([8.0, np.inf]), np.random.default_rng(0))
-    assert np.isfinite([found.gain, found.low]).all()
-    assert found.gain < 0.0
-    both = helped(made([np.inf]), made([np.inf]), np.random.default_rng(0))
+    found = helped(made([10.0, 10.0]), made([8.0, np.inf]))
+    assert np.isfinite(found.gain) and found.gain < 0.0
+    both = helped(made([np.inf]), made([np.inf]))
     assert both.gain == 0.0
 
 
@@ -206,12 +189,6 @@ def test_readings_that_a_model_cannot_predict_count_one_each() -> None:
     rest = white_error(error, fitted.colours, case.setup.dt_s)[:, :3]
     blocks = module._blocks(output, replace(found, error=error), record)
     assert blocks.sum() == pytest.approx(np.sum(rest**2) + 50.0)
-
-
-def test_the_bootstrap_repeats_with_the_seed() -> None:
-    before, after = made([40.0, 20.0, 9.0]), made([30.0, 22.0, 7.0])
-    one, two = (helped(before, after, np.random.default_rng(5)) for _ in range(2))
-    assert one == two
 
 
 # --- in standard errors, and as a share --------------------------------------------------------
@@ -262,21 +239,3 @@ def test_other_colours_need_no_other_fits() -> None:
     other = seen_with(case, fitted, found.parameters, wider)
     for one, two in zip(other.blocks, found.blocks, strict=True):
         np.testing.assert_allclose(4.0 * one, two, rtol=0.05)  # but for the starts
-
-
-# --- by chance -----------------------------------------------------------------------------
-
-
-def test_an_effect_that_means_nothing_is_found_out_by_chance() -> None:
-    """What is observed and what is drawn are one statistic: p is uniform where signs are chance."""
-    rng = np.random.default_rng(11)
-    found = [chance_of(rng.standard_t(3, size=60), rng, 199) for _ in range(200)]
-    # Kolmogorov-Smirnov with 200 draws: 0.115 at 1 %; p comes in steps of 1/200
-    assert np.abs(np.sort(found) - (np.arange(200) + 0.5) / 200).max() < 0.115
-
-
-def test_an_effect_that_always_helps_has_the_least_p() -> None:
-    rng = np.random.default_rng(0)
-    assert chance_of(rng.uniform(1.0, 30.0, size=60), rng, 999) == pytest.approx(1e-3)
-    assert chance_of(-rng.uniform(1.0, 30.0, size=60), rng, 999) == 1.0
-    assert chance_of(np.ones(3), rng, 9999) == pytest.approx(0.125, abs=0.02)  # too few blocks

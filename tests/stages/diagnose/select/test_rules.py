@@ -54,7 +54,7 @@ GOOD = Account(
     settled=True,
     promise=850.0,
     maneuvers=8,
-    helped=Helped(500.0, 0.9, 300.0, 0.9, 0.003, 4.0, 0.6),
+    helped=Helped(500.0, 0.9, 0.9, 4.0, 0.6),
 )
 
 
@@ -296,7 +296,7 @@ def test_what_a_nat_is_worth_decides_nothing() -> None:
     """A short log of a noisy sensor: all nats are a tenth, what they say is the same."""
     for scale in (1.0, 0.1):
         few = replace(GOOD, gain=scale * GOOD.gain, by_others=scale * GOOD.by_others)
-        few = replace(few, helped=left_out(gain=scale * 500.0, low=scale * 300.0))
+        few = replace(few, helped=left_out(gain=scale * 500.0))
         assert refusal_of(few, (*RULES, *RULES_LEFT_OUT)) is None
 
 

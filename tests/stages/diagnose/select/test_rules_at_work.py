@@ -205,7 +205,7 @@ def beside(**update: Any) -> Callable[[Patch], Any]:
 
 
 def new_search(*effects: str) -> Search:
-    return Search(CASE, effects, np.random.default_rng(0))
+    return Search(CASE, effects)
 
 
 def left_behind(near: float, gain: float) -> Callable[[Patch], Any]:
@@ -423,7 +423,7 @@ def reconciled(gained: float) -> Callable[[Patch], Any]:
         for module in (candidates, held_back):
             patch.setattr(module, "check_cost", lambda *_: next(costs))
         falls = candidates.falls_of(CASE, BEFORE, BEFORE)
-        found = held_back.with_sensors(CASE, BEFORE, fitted(1.0, "current"), Helped(1.0, 0.5, 0.0))
+        found = held_back.with_sensors(CASE, BEFORE, fitted(1.0, "current"), Helped(1.0, 0.5))
         return set(falls), found.gain
 
     return run

@@ -12,7 +12,7 @@ from auvident.stages.diagnose.score.first_order import Score
 from auvident.stages.diagnose.score.left_out import FitsWithout
 from auvident.stages.diagnose.select import held_back, refitting, search
 from auvident.stages.diagnose.select.candidates import Traced, Tried
-from auvident.stages.diagnose.select.healthy import share_of_healthy, strength
+from auvident.stages.diagnose.select.healthy import strength
 from auvident.stages.diagnose.select.rule import Refusal
 from auvident.stages.diagnose.select.rules import STUCK
 from auvident.stages.diagnose.select.screen import Screen
@@ -208,7 +208,7 @@ def traced(
         monkeypatch.setattr(held_back, name, lambda *_: 0.0)
     monkeypatch.setattr(held_back, "helped", lambda *_: GOOD.helped)
     monkeypatch.setattr(search, "from_estimates", estimates)
-    own = Search(CASE, ("a", "b", "c"), np.random.default_rng(0), wanting=lambda model: wanting)
+    own = Search(CASE, ("a", "b", "c"), wanting=lambda model: wanting)
     return own.trace(BEFORE)
 
 
@@ -223,16 +223,6 @@ def test_what_is_accepted_joins_the_model_until_nothing_is(monkeypatch) -> None:
     assert [r.accepted for r in found.rounds] == ["current", "gyro_bias", None]
     helped = found.rounds[0].tried[0].account.helped
     assert helped is not None and helped.strength == strength(GOOD.helped)
-    # of the best of three, and of a healthy vehicle
-    assert helped.p == max(0.009, share_of_healthy(helped.strength))
-
-
-def test_signs_alone_tell_a_chance_that_is_larger_than_that_of_a_healthy_vehicle(
-    monkeypatch,
-) -> None:
-    monkeypatch.setattr(held_back, "share_of_healthy", lambda told: 0.001)
-    helped = traced(monkeypatch, {"current": {}}).rounds[0].tried[0].account.helped
-    assert helped is not None and helped.p == pytest.approx(3 * 0.003)
 
 
 def test_effects_are_seen_together_after_each_that_is_accepted(monkeypatch) -> None:
@@ -302,7 +292,7 @@ def test_where_none_is_accepted_two_that_hide_each_other_may_be(monkeypatch) -> 
     """The rounds that found them stand for the one in which none was."""
     weak = {"current": {}, "gyro_bias": {}}
 
-    def pair_of(case, done, one_round, among, rng, without):
+    def pair_of(case, done, one_round, without):
         if done.before.effects:
             return None
         first, second = done.tried

@@ -3,7 +3,6 @@
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
 import pytest
 
 from auvident.stages.diagnose.fit.fits import Fitted
@@ -59,21 +58,26 @@ class World:
             self.searched.append(before.effects[-1])
             return a_round(*([second] if second else []))
 
-        rng = np.random.default_rng(0)
-        return together.together(None, done, search, 20, rng, FitsWithout())  # type: ignore[arg-type]
+        return together.together(None, done, search, FitsWithout())  # type: ignore[arg-type]
 
 
 SECOND = tried("b", None, beside=("a",), helped=left_out())
 
 
 def test_two_that_help_together_and_each_beside_the_other_are_accepted(monkeypatch) -> None:
-    world = World(monkeypatch, both={"t": 2.8}, a={"t": 1.9, "p": 0.02})
+    world = World(
+        monkeypatch,
+        both={"t": 2.8},
+        a={
+            "t": 1.9,
+        },
+    )
     pair = world.found(a_round(tried("a"), tried("c")), SECOND)
     assert pair is not None and pair.effects == ("a", "b")
     assert pair.fitted is SECOND.fitted
     named = pair.first.tried[0]
     # the round tells what the first one does beside the second
-    assert (named.refusal, named.account.helped) == (None, left_out(t=1.9, p=0.02))
+    assert (named.refusal, named.account.helped) == (None, left_out(t=1.9))
     assert pair.first.tried[1].refusal is WEAK
 
 

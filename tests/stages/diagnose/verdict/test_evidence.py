@@ -16,6 +16,7 @@ from auvident.stages.diagnose.score.first_order import joint_about
 from auvident.stages.diagnose.score.free_forces import FreeForce
 from auvident.stages.diagnose.score.left_out import Helped
 from auvident.stages.diagnose.select.candidates import Round, Traced, Tried
+from auvident.stages.diagnose.select.healthy import SHARES
 from auvident.stages.diagnose.select.records import Account
 from auvident.stages.diagnose.select.rule import Refusal
 from auvident.stages.diagnose.verdict import effects
@@ -45,7 +46,7 @@ def evidence() -> Evidence:
     there[case.position("gyro_bias.bias_degps")] = BIAS
     found = replace(found, log_likelihood=before.log_likelihood + 1000.0, parameters=there)
     falls = {"u": 0.0, "v": 0.0, "r": 0.5}
-    helped = Helped(900.0, 1.0, 800.0, p=0.02)
+    helped = Helped(900.0, 1.0, strength=9.0)
     gain = log_gain(before, found)
     account = Account(
         "gyro_bias",
@@ -81,7 +82,7 @@ def test_an_effect_that_stands_alone_is_found() -> None:
     assert (found.verdict, [e.id for e in found.effects]) == ("effect_found", ["gyro_bias"])
     assert (found.unexplained, found.remaining) == ({}, {})
     assert found.without_effects == "none_found"  # the healthy trial leaves nothing that matters
-    assert found.false_alarm_p == 0.02
+    assert found.false_alarm_p == pytest.approx(SHARES[-1])
 
 
 def without_a_size() -> Evidence:
