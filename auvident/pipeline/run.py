@@ -202,6 +202,8 @@ class _Progress:
             return
         self._settle()
         self.result.outputs |= execution.conclude(made)
+        if not stage.after:
+            given.helper.renew()  # with all that was loaded meanwhile
 
     def _made(self, execution: Execution) -> Made:
         """What a stage comes to; who has nothing else to do loads what will be needed."""
@@ -210,12 +212,10 @@ class _Progress:
             if execution.stage.name == "identify":
                 helper.begin(load, OF_REPORT)
             return execution.here()
-        asked = execution.beside()
+        made = execution.beside()
         load(OF_STAGES)
         load_a_kernel()
-        made = asked()
-        helper.renew()
-        return made
+        return made()
 
     def _settle(self) -> None:
         """Write what the helper was asked for."""
