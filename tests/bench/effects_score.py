@@ -83,7 +83,8 @@ def least_chance(diagnosis: Row, own: Iterable[str] = ()) -> float:
 
 def most_strength(diagnosis: Row, own: Iterable[str] = ()) -> float:
     """Largest ``strength`` of the same candidates; -1, the least, where there is none."""
-    return max((c["strength"] for c in _large_enough(diagnosis, own)), default=-1.0)
+    told = (c.get("strength") for c in _large_enough(diagnosis, own))
+    return max((strength for strength in told if strength is not None), default=-1.0)
 
 
 def _large_enough(diagnosis: Row, own: Iterable[str]) -> list[Row]:

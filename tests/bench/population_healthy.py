@@ -10,7 +10,7 @@ from tests.bench.effects_summary import CHANCE
 from tests.bench.population_score import Drawn
 
 STRENGTH = "strongest candidate of a healthy vehicle"
-SHARES = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.15, 0.1, 0.07, 0.05, 0.03, 0.02, 0.01)
+SHARES = (1.0, 0.99, 0.97, *(k / 20 for k in range(19, 1, -1)), 0.07, 0.05, 0.03, 0.02, 0.01)
 Table = list[dict[str, Any]]
 
 
