@@ -1,4 +1,7 @@
-"""Common ground of every declared file: strict, immutable, finite."""
+"""Common ground of every declared file: strict, immutable, finite.
+
+The schema of a class is built when it is first used: a command reads few of them.
+"""
 
 import re
 from typing import Any
@@ -9,7 +12,9 @@ from pydantic import BaseModel, ConfigDict, ValidationInfo, field_validator
 class Declared(BaseModel):
     """A table of a file the user writes: unknown keys are refused, numbers are finite."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=False)
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, allow_inf_nan=False, strict=False, defer_build=True
+    )
 
     @field_validator("*", mode="before")
     @classmethod
@@ -26,5 +31,5 @@ class Artifact(BaseModel):
     """A file the program writes: immutable, finite, keys may be added in later versions."""
 
     model_config = ConfigDict(
-        extra="ignore", frozen=True, allow_inf_nan=False, populate_by_name=True
+        extra="ignore", frozen=True, allow_inf_nan=False, populate_by_name=True, defer_build=True
     )
