@@ -173,7 +173,7 @@ def parquet_bytes(table: "pd.DataFrame", metadata: Mapping[str, str]) -> bytes:
     schema = pa.schema([f.with_metadata({"unit": units[f.name]}) for f in plain.schema])
     about = {**metadata, "units": json.dumps(units, ensure_ascii=False)}
     kept = {**(plain.schema.metadata or {}), **{k: v.encode() for k, v in about.items()}}
-    # readings hardly repeat: a dictionary of them takes as long as the rest, and a sixth of the file
+    # readings hardly repeat: a dictionary takes as long as the rest, and a sixth of the file
     repeating = [field.name for field in schema if not pa.types.is_floating(field.type)]
     stream = io.BytesIO()
     whole = plain.cast(schema).replace_schema_metadata(kept)
