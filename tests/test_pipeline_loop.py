@@ -120,18 +120,18 @@ def test_a_changed_plan_refuses_them_until_it_is_identified_again(
 def test_the_seed_is_kept_until_another_is_given(
     demo: Path, auvident: Callable[..., Called], found: loop_world.HandMade
 ) -> None:
-    forget(demo, "diagnose")
-    auvident("diagnose", demo, "--quiet")
-    assert (found.calls["diagnose"].seed, seed_of(demo, "diagnose")) == (0, 0)
-    auvident("diagnose", demo, "--seed", 7, "--quiet")
-    auvident("diagnose", demo, "--quiet")
-    assert (found.calls["diagnose"].seed, seed_of(demo, "diagnose")) == (7, 7)
+    forget(demo, "refine")
+    auvident("refine", demo, "--quiet")
+    assert (found.calls["refine"].seed, seed_of(demo, "refine")) == (0, 0)
+    auvident("refine", demo, "--seed", 7, "--quiet")
+    auvident("refine", demo, "--quiet")
+    assert (found.calls["refine"].seed, seed_of(demo, "refine")) == (7, 7)
     said = decisions(auvident(*RUN, demo))
-    assert said["diagnose"] == "up to date"  # no seed was asked for
+    assert said["refine"] == "up to date"  # no seed was asked for
     said = decisions(auvident(*RUN, demo, "--seed", 3))
-    assert said["diagnose"] == "runs again because option seed changed from 7 to 3"
-    assert said["identify"] == "up to date"  # it draws nothing
-    assert (seed_of(demo, "diagnose"), seed_of(demo, "refine")) == (3, 3)
+    assert said["refine"] == "runs again because option seed changed from 7 to 3"
+    assert said["identify"] == said["diagnose"] == "up to date"  # they draw nothing
+    assert (seed_of(demo, "diagnose"), seed_of(demo, "refine")) == (None, 3)
 
 
 def test_a_new_model_makes_both_stale_a_new_diagnosis_only_the_refinement(

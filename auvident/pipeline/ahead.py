@@ -31,15 +31,6 @@ OF_REPORT = (
 )
 
 
-def load_a_kernel() -> None:
-    """Load the smallest kernel: with its first one numba looks up all that it knows of numpy."""
-    import numpy as np
-
-    from auvident.engines.accumulated import all_within
-
-    all_within(np.zeros((1, 1)), 1.0)
-
-
 def load(modules: Iterable[str]) -> None:
     """Import modules; nothing is done with them yet."""
     for module in modules:

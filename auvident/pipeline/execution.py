@@ -32,7 +32,7 @@ _ONE_AT_A_TIME = threading.Lock()
 
 
 @dataclass(frozen=True)
-class Made:
+class Executed:
     """What a stage came to: its artifacts, the content of their files, what it leaves to others."""
 
     outputs: Outputs
@@ -78,18 +78,18 @@ class Execution:
         given = replace(given, planes=_planes(stage, given))
         return cls(stage, wanted, given, inputs, started)
 
-    def here(self) -> Made:
+    def here(self) -> Executed:
         """Call the stage; a failure is noted."""
         return self._noting(lambda: make(self.stage, self.given))
 
-    def beside(self) -> Callable[[], Made]:
+    def beside(self) -> Callable[[], Executed]:
         """Have the helper call the stage; what waits for the result notes a failure."""
         g = self.given
         order = self.stage.name, g.run.path, g.options, g.seed, g.also, g.planes
         made = g.helper.begin(make_from_files, *order, observer=g.observer)
         return lambda: self._noting(made)
 
-    def _noting(self, made: Callable[[], Made]) -> Made:
+    def _noting(self, made: Callable[[], Executed]) -> Executed:
         try:
             return made()
         except (InputError, NumericsError) as error:
@@ -98,7 +98,7 @@ class Execution:
                 _record_failure(self.stage, self.given.run, self.wanted, error)
             raise
 
-    def conclude(self, made: Made) -> Outputs:
+    def conclude(self, made: Executed) -> Outputs:
         """Write what is to come into the manifest, then the outputs, then the entry."""
         run, name, given = self.given.run, self.stage.name, self.given
         given.kept.update(made.kept)
@@ -117,13 +117,13 @@ class Execution:
         return made.outputs
 
 
-def make(stage: Stage, given: Given) -> Made:
+def make(stage: Stage, given: Given) -> Executed:
     """The artifacts of a stage, and the content of their files."""
     clock = time.perf_counter()
     with _ONE_AT_A_TIME, one_blas_thread():
         outputs = called(stage, given)
     content = {name: _bytes(name, artifact) for name, artifact in outputs.items()}
-    return Made(outputs, content, given.kept, time.perf_counter() - clock, _now())
+    return Executed(outputs, content, given.kept, time.perf_counter() - clock, _now())
 
 
 def make_from_files(
@@ -134,7 +134,7 @@ def make_from_files(
     also: frozenset[str],
     planes: tuple[Plane, ...],
     observer: Observer,
-) -> Made:
+) -> Executed:
     """As `make`, of a process that knows no more than where the run directory is."""
     run = RunDirectory(path)
     given = Given(run, run.manifest(), options, seed, observer, also, planes)

@@ -180,7 +180,7 @@ def _answer(heard: BinaryIO, told: BinaryIO) -> None:
     """Do one piece of work and tell its result, or its error where the user can act on it."""
     work, arguments, is_watched = pickle.load(heard)
     try:
-        watching = {"observer": _Teller(told)} if is_watched else {}
+        watching = {"observer": _Messenger(told)} if is_watched else {}
         answer = MADE, work(*arguments, **watching)
     except AuvidentError as error:
         answer = RAISED, error
@@ -190,7 +190,7 @@ def _answer(heard: BinaryIO, told: BinaryIO) -> None:
     told.flush()
 
 
-class _Teller(Observer):
+class _Messenger(Observer):
     """Passes on what happens to whoever watches the other process."""
 
     def __init__(self, told: BinaryIO) -> None:

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from auvident.errors import AuvidentError, NumericsError, StageError
-from auvident.pipeline.ahead import OF_BOTH, OF_INGEST, OF_REPORT, OF_STAGES, load, load_a_kernel
-from auvident.pipeline.execution import Execution, Made
+from auvident.pipeline.ahead import OF_BOTH, OF_INGEST, OF_REPORT, OF_STAGES, load
+from auvident.pipeline.execution import Executed, Execution
 from auvident.pipeline.freshness import Decision, Wanted, first_broken, in_planes, judge, judge_all
 from auvident.pipeline.given import Given
 from auvident.pipeline.helper import helping
@@ -155,7 +155,7 @@ class _Progress:
     options: Mapping[str, Mapping[str, Any]]
     result: RunResult
     planes: Sequence[Plane]
-    pending: tuple[Execution, Callable[[], Made]] | None = None
+    pending: tuple[Execution, Callable[[], Executed]] | None = None
 
     def through(self, stages: Sequence[Stage]) -> None:
         """Run the stages that are not up to date, in their order."""
@@ -205,7 +205,7 @@ class _Progress:
         if not stage.after:
             given.helper.renew()  # with all that was loaded meanwhile
 
-    def _made(self, execution: Execution) -> Made:
+    def _made(self, execution: Execution) -> Executed:
         """What a stage comes to; who has nothing else to do loads what will be needed."""
         helper = self.given.helper
         if execution.stage.after or not helper.is_beside:
@@ -214,7 +214,9 @@ class _Progress:
             return execution.here()
         made = execution.beside()
         load(OF_STAGES)
-        load_a_kernel()
+        from auvident.stages.identify.warm_up import begin_with_kernels
+
+        begin_with_kernels()
         return made()
 
     def _settle(self) -> None:
