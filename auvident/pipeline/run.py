@@ -25,7 +25,8 @@ from auvident.storage.run_directory import MANIFEST, PACKAGE, RunDirectory
 OPTIONAL = frozenset(BY_NAME["report"].also)  # a run goes on when their numbers fail
 NOT_RECORDED = frozenset({"interactive", "keep_going"})  # options that change no result
 SILENT = Observer()
-# Of the files of a log, up to which a second process, which has the samples again, is worth it.
+# Of the files of a log, up to which there is a second process: it holds the samples once more, and
+# those of the samples have 3 to 4 MB.
 MOST_BYTES_BESIDE = 2**25
 
 

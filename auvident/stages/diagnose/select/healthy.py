@@ -3,9 +3,10 @@
 A vehicle is built of other terms than any model, and what stands in for these helps the maneuvers
 left out by more than luck: with signs drawn at random 18 of 60 healthy vehicles have a candidate
 with a chance below 0.05. How often a healthy vehicle has one as strong is therefore counted, on
-258 drawn vehicles of even seeds with nothing planted (``python -m tests.bench population --clean
---until diagnose``); odd seeds report. Of 100 of them 45 have none that helps what was left out:
-these are counted by what the candidates gain where they were fitted, so that each has a chance.
+258 drawn vehicles with nothing planted (``python -m tests.bench population --clean --until diagnose
+--first 40000 --count 260``, even seeds; odd seeds report). Of 100 of them 45 have none that helps
+what was left out: these are counted by what the candidates gain where they were fitted, so that
+each has a chance.
 """
 
 import numpy as np
