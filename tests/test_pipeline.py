@@ -249,8 +249,8 @@ def test_cruising_speed_is_the_median_under_way() -> None:
     from auvident.schema.trial import Trial
 
     table = pd.DataFrame({"u_mps": [0.0, 0.1, float("nan"), 1.0, 1.2, 1.4]})
-    assert steps.cruising_speed([Trial("a", table, 10.0)]) == 1.2
-    assert steps.cruising_speed([Trial("a", table[:2], 10.0)]) is None
+    assert steps.cruising_speed([Trial.from_table("a", table, 10.0)]) == 1.2
+    assert steps.cruising_speed([Trial.from_table("a", table[:2], 10.0)]) is None
 
 
 def test_noise_is_the_root_mean_square_over_the_trials(demo: Path) -> None:

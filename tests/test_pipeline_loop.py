@@ -317,4 +317,4 @@ def test_a_refinement_by_itself_makes_the_bytes_that_it_makes_in_a_run(demo: Pat
 )
 def test_a_log_may_have_no_heading_at_all(column: dict[str, list[float]], logged: bool) -> None:
     """Without an attitude there is no such column in the table of a trial."""
-    assert Trial("log", pd.DataFrame(column), 10.0).has_heading is logged
+    assert Trial.from_table("log", pd.DataFrame(column), 10.0).has_heading is logged

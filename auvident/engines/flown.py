@@ -1,15 +1,18 @@
 """The range that a model was identified from, and what goes beyond it."""
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
-import pandas as pd
 
 from auvident.engines.records import Record
 from auvident.errors import InputError
 from auvident.schema.artifacts import Extrapolation
 from auvident.schema.planes import BY_PLANE, CONTROL_COLUMNS, STATE_COLUMNS, Plane
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Array = npt.NDArray[np.float64]
 
@@ -49,7 +52,7 @@ def reached(fin: Array, velocities: Array, plane: Plane) -> dict[str, float]:
     return {**found, "u": float(high), "u_low": float(low)}
 
 
-def reached_in(table: pd.DataFrame, plane: Plane) -> dict[str, float]:
+def reached_in(table: "pd.DataFrame", plane: Plane) -> dict[str, float]:
     """What a simulated motion reaches, from its table of inputs and states.
 
     Raises

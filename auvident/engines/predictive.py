@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import stdtrit
 
 from auvident.constants import BAND_SHARE, NORMAL_95
 from auvident.engines.carried import (
@@ -30,6 +29,7 @@ from auvident.engines.carried import (
 from auvident.engines.falling import PushesAlong, fallen_models
 from auvident.engines.prediction import Frame, Free, readings_with_slopes
 from auvident.engines.records import Record
+from auvident.estimation.chances import student_quantile
 from auvident.physics.dynamics import ALL_STATES, N_STATES
 from auvident.physics.maneuvers import headings_from_start, integral_of, track_of
 from auvident.physics.sensing import sensor_matrix
@@ -249,7 +249,7 @@ def drifting(ratio: Array, whose: Array, level: float) -> float:
         Number of the maneuver of each sample.
     """
     own = [float(np.mean(ratio[whose == number])) for number in np.unique(whose)]
-    return float(stdtrit(len(own), 0.5 * (1.0 + level))) * math.sqrt(float(np.mean(own)))
+    return student_quantile(len(own), 0.5 * (1.0 + level)) * math.sqrt(float(np.mean(own)))
 
 
 def model_error(square: Array, known: Array, grown: Array) -> float:

@@ -129,16 +129,16 @@ def record_of(maneuver: Maneuver, trial: Trial, plane: Plane, sensor: Array) -> 
     sensor : (4, 4) array
         From `sensor_matrix`.
     """
-    table, half = trial.table, 0.5 / trial.rate_hz
-    time = table[TIME_COLUMN].to_numpy()
+    columns, half = trial.columns, 0.5 / trial.rate_hz
+    time = columns[TIME_COLUMN]
     # the row at its end is the first of a maneuver that follows at once
     first, last = np.searchsorted(time, [maneuver.t_start_s - half, maneuver.t_end_s - half])
     readings = np.zeros((last - first, N_STATES))
     measured = np.full_like(readings, np.nan)
     for i, column in enumerate(STATE_COLUMNS[plane]):
-        if column in table:
-            readings[:, i] = table[column].to_numpy()[first:last]
-            sampled = table[sampled_flag(column)].to_numpy()[first:last]
+        if column in columns:
+            readings[:, i] = columns[column][first:last]
+            sampled = columns[sampled_flag(column)][first:last]
             measured[:, i] = np.where(sampled, readings[:, i], np.nan)
     start, frame = _reading_at(trial, plane, int(first)), frame_of(maneuver, trial, plane)
     if frame != NORTH and trial.turned_rad is not None:
@@ -194,7 +194,7 @@ def _speed(trial: Trial, first: int, last: int) -> Array:
     The thrust follows from it, and that moves a fin in its race: noise in it is noise in the yaw.
     """
     column = STATE_COLUMNS["horizontal"][0]
-    values = trial.table[column].to_numpy(float)[first:last] if column in trial.table else None
+    values = trial.columns[column][first:last] if column in trial.columns else None
     if values is None or not (seen := np.isfinite(values)).any():
         return np.zeros(last - first)
     rows = np.arange(len(values))
@@ -211,17 +211,17 @@ def _raw_inputs(trial: Trial, plane: Plane, first: int, last: int) -> Array:
 def _past_of(trial: Trial, plane: Plane, end: int) -> Array:
     """Turning points of the own control before a row: a play remembers them however long ago."""
     column = CONTROL_COLUMNS[plane][0]
-    if column not in trial.table:
+    if column not in trial.columns:
         return NO_PAST
-    return turning_points(trial.table[column].to_numpy(float)[:end])
+    return turning_points(trial.columns[column][:end])
 
 
 def _columns(trial: Trial, names: Sequence[str], first: int, last: int) -> Array:
     """Columns (n, k) of a trial, zero where there is no value."""
     out = np.zeros((last - first, len(names)))
     for i, column in enumerate(names):
-        if column in trial.table:
-            out[:, i] = trial.table[column].to_numpy()[first:last]
+        if column in trial.columns:
+            out[:, i] = trial.columns[column][first:last]
     return np.nan_to_num(out)
 
 
@@ -231,12 +231,12 @@ def _reading_at(trial: Trial, plane: Plane, row: int) -> Array:
     A line bends where a helm is laid or the propeller takes another rate, and there maneuvers
     begin: only readings under the inputs before the row count.
     """
-    table, reading = trial.table, np.zeros(N_STATES)
+    columns, reading = trial.columns, np.zeros(N_STATES)
     near, same = _rows_near(trial, plane, row)
     for i, column in enumerate(STATE_COLUMNS[plane]):
-        if column not in table:
+        if column not in columns:
             continue
-        values = table[column].to_numpy()[near]
+        values = columns[column][near]
         good = np.isfinite(values)
         good = good & same if (good & same).any() else good
         if good.any():
@@ -247,11 +247,11 @@ def _reading_at(trial: Trial, plane: Plane, row: int) -> Array:
 
 def is_read_at(trial: Trial, plane: Plane, time_s: float) -> bool:
     """Whether every velocity of a plane has a reading from which a motion can begin at a time."""
-    times = trial.table[TIME_COLUMN].to_numpy()
+    times = trial.columns[TIME_COLUMN]
     near, _ = _rows_near(trial, plane, int(np.searchsorted(times, time_s - 0.5 / trial.rate_hz)))
     velocities = STATE_COLUMNS[plane][:3]
     return all(
-        column in trial.table and bool(np.isfinite(trial.table[column].to_numpy()[near]).any())
+        column in trial.columns and bool(np.isfinite(trial.columns[column][near]).any())
         for column in velocities
     )
 
@@ -261,8 +261,8 @@ def _rows_near(
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
     """Rows of the same record around a row; which of them the inputs before it led to."""
     before, after = (round(s * trial.rate_hz) for s in (START_BEFORE_S, START_AFTER_S))
-    near = np.arange(max(row - before, 0), min(row + after + 1, len(trial.table)))
-    piece = trial.table[RECORD_COLUMN].to_numpy()
+    near = np.arange(max(row - before, 0), min(row + after + 1, len(trial)))
+    piece = trial.columns[RECORD_COLUMN]
     near = near[piece[near] == piece[row]]
     inputs = _raw_inputs(trial, plane, int(near[0]), int(near[-1]) + 1)
     usual = inputs[max(row - 1 - near[0], 0)]

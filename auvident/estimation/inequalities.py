@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.linalg import cholesky, solve_triangular
 
 Array = npt.NDArray[Any]
 # theta (n,) -> g (m,), its slopes (m, n)
@@ -157,7 +156,9 @@ def quadratic_step(
     multipliers : (k,) array
         Of the tangents, at least zero.
     """
-    from scipy.optimize import nnls  # rarely needed, and a quarter of a second to import
+    # rarely needed, and a quarter of a second to import
+    from scipy.linalg import cholesky, solve_triangular
+    from scipy.optimize import nnls
 
     n, k = len(gradient), len(least)
     below, above = np.isfinite(low), np.isfinite(high)

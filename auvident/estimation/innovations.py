@@ -10,8 +10,13 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import chdtrc, kolmogorov, ndtr, ndtri
 
+from auvident.estimation.chances import (
+    chi_square_above,
+    kolmogorov_above,
+    normal_below,
+    normal_quantile,
+)
 from auvident.estimation.output_error import correlation_time
 
 Array = npt.NDArray[Any]
@@ -161,10 +166,10 @@ def correlation_of(pieces: Sequence[Array] | Array, longest: int) -> float:
 
 def normality(values: Array, effective_samples: float) -> Normality:
     """Kolmogorov-Smirnov test of values (n,) against the standard normal distribution."""
-    n, below = len(values), ndtr(np.sort(values))
+    n, below = len(values), normal_below(np.sort(values))
     steps = np.arange(n + 1) / n
     distance = float(max((steps[1:] - below).max(), (below - steps[:-1]).max()))
-    p = float(kolmogorov(distance * effective_samples**0.5))
+    p = kolmogorov_above(distance * effective_samples**0.5)
     return Normality(distance, effective_samples, p)
 
 
@@ -198,7 +203,7 @@ def whiteness(pieces: Sequence[Array], lags: int) -> Whiteness | None:
         lag=int(lag[worst]),
         band=float(band[worst]),
         outside=float(np.mean(np.abs(found) > band)),
-        p=float(chdtrc(len(lag), np.sum(count * found**2))),
+        p=chi_square_above(len(lag), float(np.sum(count * found**2))),
         lags=tuple(lag.tolist()),
         values=tuple(np.round(found, VALUE_DIGITS).tolist()),
     )
@@ -232,7 +237,7 @@ def cross_correlation(
     tries = max(told.size / together, 1.0)
     worst = int(np.abs(found).argmax())
     spread = float(np.sqrt(together / pairs[told[worst]]))
-    band = min(float(ndtri(0.5 + 0.5 * 0.95 ** (1.0 / tries))) * spread, 1.0)
+    band = min(normal_quantile(0.5 + 0.5 * 0.95 ** (1.0 / tries)) * spread, 1.0)
     return CrossCorrelation(float(found[worst]), int(told[worst]), band)
 
 

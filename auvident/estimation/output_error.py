@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.linalg import solve_triangular
 
 from auvident.errors import NumericsError
 from auvident.estimation import inequalities as within
@@ -195,7 +194,9 @@ def bounded_step(curvature: Array, gradient: Array, low: Array, high: Array) -> 
 
 def _bounded_by_descent(curvature: Array, gradient: Array, low: Array, high: Array) -> Array:
     """`bounded_step` where guesses at what is held go round in circles."""
-    from scipy.optimize import lsq_linear  # rarely needed, and a quarter of a second to import
+    # rarely needed, and a quarter of a second to import
+    from scipy.linalg import solve_triangular
+    from scipy.optimize import lsq_linear
 
     try:
         factor = np.linalg.cholesky(curvature)

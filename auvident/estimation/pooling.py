@@ -21,8 +21,8 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import chdtrc
 
+from auvident.estimation.chances import chi_square_above
 from auvident.estimation.identifiability import UNSEEN_INFORMATION
 
 Array = npt.NDArray[Any]
@@ -168,6 +168,8 @@ class Agreement:
 
 
 def _agreement(q: float, freedom: float) -> Agreement:
+    from scipy.special import chdtrc  # a fifteenth of an identification, which has no use for it
+
     p = float(chdtrc(freedom, q)) if freedom > LEAST_TOLD else 1.0
     return Agreement(float(q), float(freedom), p)
 
@@ -282,7 +284,7 @@ def _alike(pairs: Sequence[tuple[Array, Array]]) -> float:
         axes = seen_axes(information)
         squares = (axes.T @ score) ** 2
         gains = 2.0 * ((information @ axes) ** 2).sum(axis=0)
-        if not squares.size or chdtrc(len(squares), squares.sum()) > BEYOND_CHANCE:
+        if not squares.size or chi_square_above(len(squares), squares.sum()) > BEYOND_CHANCE:
             found.append(0.0)
             continue
         variance = 0.0
@@ -411,7 +413,7 @@ def distance(
     square = float(left @ inverse @ left)
     chosen, rest = _explained(left, along, inverse, most)
     k = axes.shape[1]
-    return Distance(square, k, float(chdtrc(k, square)) if k else 1.0, rest, chosen)
+    return Distance(square, k, chi_square_above(k, square) if k else 1.0, rest, chosen)
 
 
 def _explained(

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.linalg import qr
 
 from auvident.estimation.output_error import Likelihood
 
@@ -73,10 +72,24 @@ def _slope_within(function: Callable[[Array], float], here: float, space: Array)
     Differences are taken along a basis of the space that is no chance: many variances are equal,
     and their vectors any rotation of each other. Zero where the function has no value.
     """
-    basis = qr(space @ space.T, pivoting=True)[0][:, : space.shape[1]]
+    basis = _basis_of(space @ space.T, space.shape[1])
     slopes = np.nan_to_num(np.array([function(STEP * b) - here for b in basis.T]) / STEP)
     along: Array = space.T @ (basis @ slopes)
     return along
+
+
+def _basis_of(projection: Array, count: int) -> Array:
+    """An orthonormal basis (n, count) of what a projection (n, n) leaves.
+
+    That of a QR decomposition with pivoting, of which `scipy.linalg` takes longer to import.
+    """
+    left, chosen = projection.copy(), []
+    for _ in range(count):
+        length = np.linalg.norm(left, axis=0)
+        chosen.append(int(length.argmax()))
+        along = left[:, chosen[-1]] / length[chosen[-1]]
+        left -= np.outer(along, along @ left)
+    return np.linalg.qr(projection[:, chosen])[0]
 
 
 def _limited(pull: Array, variances: Array) -> Array:

@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import chdtrc
 
+from auvident.estimation.chances import chi_square_above
 from auvident.estimation.identifiability import UNSEEN_INFORMATION
 
 Array = npt.NDArray[Any]
@@ -81,7 +81,7 @@ def compared(
         data, data_std = best / share, np.sqrt(after / share)
         away = np.where(share > 0.0, best / np.sqrt(share * before), 0.0)
     chi_square, directions = _along_seen(best, told, np.sqrt(before))
-    p = float(chdtrc(directions, chi_square)) if directions else 1.0
+    p = chi_square_above(directions, chi_square) if directions else 1.0
     return DataAgainstPrior(away, data, data_std, share, chi_square, directions, p)
 
 

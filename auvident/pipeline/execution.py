@@ -19,6 +19,7 @@ from auvident.pipeline.remedies import again
 from auvident.pipeline.table import BY_NAME, STAGES, Outputs, Stage
 from auvident.schema.manifest import FailedAttempt, Manifest, StageEntry
 from auvident.schema.planes import Plane
+from auvident.schema.trial import Columns
 from auvident.storage.artifacts import json_bytes, parquet_bytes
 from auvident.storage.run_directory import PACKAGE, RunDirectory
 from auvident.versions import libraries
@@ -230,9 +231,10 @@ def _record_failure(stage: Stage, run: RunDirectory, wanted: Wanted, error: Auvi
     run.save(manifest.model_copy(update={"failed": failed}))
 
 
-def _marks(table: "pd.DataFrame") -> dict[str, str]:
+def _marks(table: "pd.DataFrame | Columns") -> dict[str, str]:
     """What a stage says of a table as a whole."""
-    return {str(key): str(value) for key, value in table.attrs.items()}
+    said = {} if isinstance(table, Mapping) else table.attrs
+    return {str(key): str(value) for key, value in said.items()}
 
 
 def _bytes(name: str, artifact: "Any | pd.DataFrame") -> bytes:

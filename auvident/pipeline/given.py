@@ -14,7 +14,8 @@ from auvident.pipeline.remedies import made_again
 from auvident.schema.manifest import Manifest
 from auvident.schema.places import BY_PLANE_STAGES, beside
 from auvident.schema.planes import Plane
-from auvident.storage.artifacts import as_model, read_json, read_model, read_table
+from auvident.schema.trial import Columns, Trial
+from auvident.storage.artifacts import as_model, read_arrays, read_json, read_model, read_table
 from auvident.storage.run_directory import RunDirectory
 
 if TYPE_CHECKING:
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
     from auvident.schema.artifacts import AseResult, IdentifiedModel, Maneuvers, Metrics
     from auvident.schema.diagnosis import Comparison, Diagnosis
     from auvident.schema.logs import Quality
-    from auvident.schema.trial import Trial
     from auvident.schema.vehicle import Vehicle
 
 Model = TypeVar("Model", bound=BaseModel)
@@ -95,6 +95,10 @@ class Given:
         """A Parquet artifact."""
         return read_table(self.run / self.place(name), self.remedy(name))
 
+    def arrays(self, name: str) -> Columns:
+        """A Parquet artifact of numbers and flags."""
+        return read_arrays(self.run / self.place(name), self.remedy(name))
+
     def has(self, name: str) -> bool:
         """Whether an artifact is there."""
         return (self.run / self.place(name)).exists()
@@ -118,12 +122,10 @@ class Given:
         return self.read("ingest/quality.json", Quality)
 
     @cached_property
-    def trials(self) -> "list[Trial]":
+    def trials(self) -> list[Trial]:
         """The ingested trials, in the order in which they were given."""
-        from auvident.schema.trial import Trial
-
         return [
-            Trial(t.trial, self.table(f"ingest/{t.trial}.parquet"), t.rate_hz)
+            Trial(t.trial, self.arrays(f"ingest/{t.trial}.parquet"), t.rate_hz)
             for t in self.quality.trials
         ]
 

@@ -50,7 +50,7 @@ def trial_of(table: "pd.DataFrame", needed: Sequence[str]) -> Trial:
     marks[RECORD_COLUMN] = 0
     marks |= {c: table[c].to_numpy() for c in marks if c in table}
     found = found.assign(**marks).reset_index(drop=True)
-    return Trial(NAME, _with_end(found, rate_hz), rate_hz)
+    return Trial.from_table(NAME, _with_end(found, rate_hz), rate_hz)
 
 
 def _channels(table: "pd.DataFrame") -> "pd.DataFrame":

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from auvident.schema.diagnosis import Attempt, Comparison, UnexplainedForce
     from auvident.schema.plan import Plan
     from auvident.schema.planes import Plane
-    from auvident.schema.trial import Trial
+    from auvident.schema.trial import Columns, Trial
     from auvident.stages.identify import Identification, Shared
     from auvident.stages.validate import Validation
 
@@ -232,7 +232,7 @@ class _Refined:
     """A model that a refinement may end with, the history of its coefficients, its prediction."""
 
     model: "IdentifiedModel"
-    history: "pd.DataFrame"
+    history: "pd.DataFrame | Columns"
     prediction: "Validation"
 
 

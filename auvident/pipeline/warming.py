@@ -60,7 +60,7 @@ def _compile(kind: str) -> None:
         for kind_of, start in (("zigzag", 0.1 * SECONDS), ("turn", 0.55 * SECONDS))
     )
     compile_for(
-        Trial("made up", table, RATE_HZ),
+        Trial.from_table("made up", table, RATE_HZ),
         Maneuvers(maneuvers=maneuvers),
         estimate(vehicle),
         vehicle,

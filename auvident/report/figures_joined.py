@@ -50,7 +50,9 @@ def joined(trials: Sequence[Trial], maneuvers: Sequence[Maneuver]) -> tuple[Tria
             if m.trial == trial.name
         ]
         start += span + space
-    return Trial(name, pd.concat(pieces[:-1], ignore_index=True), trials[0].rate_hz), moved
+    return Trial.from_table(
+        name, pd.concat(pieces[:-1], ignore_index=True), trials[0].rate_hz
+    ), moved
 
 
 def groups(trials: Sequence[Trial], apart: int, together: int) -> list[list[Trial]]:

@@ -13,7 +13,7 @@ import os
 import re
 import stat
 from collections.abc import Iterator, Mapping
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -23,6 +23,8 @@ from auvident.errors import NumericsError, StageError
 from auvident.schema.channels import BY_COLUMN, FLAG_SUFFIX
 from auvident.schema.coefficients import ESTIMATED
 from auvident.schema.quoting import clipped
+from auvident.schema.trial import Columns
+from auvident.storage.columns import arrow_of, read_columns
 from auvident.storage.regular import MEGABYTE, irregular, read_small
 
 if TYPE_CHECKING:
@@ -160,15 +162,18 @@ def unit_of(column: str) -> str:
     return next((u for suffix, u in UNIT_SUFFIXES.items() if column.endswith(suffix)), "1")
 
 
-def parquet_bytes(table: "pd.DataFrame", metadata: Mapping[str, str]) -> bytes:
-    """Parquet of a table, with the unit of each column in the metadata of its field.
+def parquet_bytes(table: "pd.DataFrame | Columns", metadata: Mapping[str, str]) -> bytes:
+    """Parquet of a data frame or of arrays by name, with the unit of each column in its metadata.
 
     The unit stands under ``unit`` of the column, and under ``units`` (JSON) of the file.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    plain = pa.Table.from_pandas(table, preserve_index=False)
+    if isinstance(table, Mapping):
+        plain = arrow_of(table)
+    else:
+        plain = pa.Table.from_pandas(table, preserve_index=False)
     units = {field.name: unit_of(field.name) for field in plain.schema}
     schema = pa.schema([f.with_metadata({"unit": units[f.name]}) for f in plain.schema])
     about = {**metadata, "units": json.dumps(units, ensure_ascii=False)}
@@ -176,7 +181,7 @@ def parquet_bytes(table: "pd.DataFrame", metadata: Mapping[str, str]) -> bytes:
     # readings hardly repeat: a dictionary takes as long as the rest, and a sixth of the file
     repeating = [field.name for field in schema if not pa.types.is_floating(field.type)]
     stream = io.BytesIO()
-    whole = plain.cast(schema).replace_schema_metadata(kept)
+    whole = pa.Table.from_arrays(plain.columns, schema=schema.with_metadata(kept))
     pq.write_table(whole, stream, use_dictionary=repeating)
     return stream.getvalue()
 
@@ -185,8 +190,20 @@ def read_table(path: Path, remedy: str = "") -> "pd.DataFrame":
     """A Parquet artifact; `StageError` when it is missing or damaged."""
     import pandas as pd
 
-    try:
+    with _readable(path, remedy):
         return pd.read_parquet(path)
+
+
+def read_arrays(path: Path, remedy: str = "") -> Columns:
+    """Numbers and flags of a Parquet artifact; `StageError` when it is missing or damaged."""
+    with _readable(path, remedy):
+        return read_columns(path)
+
+
+@contextmanager
+def _readable(path: Path, remedy: str) -> Iterator[None]:
+    try:
+        yield
     except FileNotFoundError:
         raise StageError("is missing", str(path), remedy) from None
     except (OSError, ValueError) as error:

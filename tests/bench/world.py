@@ -236,7 +236,9 @@ def make_world(
         )
         start = float(time[-1]) + 10.0
     table = pd.concat(tables, ignore_index=True)
-    return World(Trial("world", table, rate_hz), Maneuvers(maneuvers=tuple(maneuvers)), truth)
+    return World(
+        Trial.from_table("world", table, rate_hz), Maneuvers(maneuvers=tuple(maneuvers)), truth
+    )
 
 
 def _measured(time, states, inputs, vehicle: Vehicle, rng, rate_hz: float) -> pd.DataFrame:

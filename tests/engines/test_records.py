@@ -39,7 +39,7 @@ def trial(plane: str = "horizontal", rows: int = 200, **columns) -> Trial:
         table[f"{sensor}_sampled"] = True
     for name, values in columns.items():
         table[name] = values
-    return Trial("t", table, RATE)
+    return Trial.from_table("t", table, RATE)
 
 
 def maneuver(start: float, end: float) -> Maneuver:
@@ -152,7 +152,7 @@ def test_given_states_are_at_the_origin() -> None:
     ("plane", "missing"), [("horizontal", "elevator_rad"), ("vertical", "pitch_rad")]
 )
 def test_a_channel_the_log_lacks_is_zero_and_not_measured(plane, missing) -> None:
-    bare = Trial("t", trial(plane).table.drop(columns=missing), RATE)
+    bare = Trial.from_table("t", trial(plane).table.drop(columns=missing), RATE)
     record = record_of(maneuver(55.0, 60.0), bare, plane, np.eye(4))
     if missing == "pitch_rad":
         assert np.isnan(record.measured[:, 3]).all()
@@ -171,7 +171,9 @@ def test_start_is_a_line_through_noisy_readings() -> None:
     errors = []
     for _ in range(200):
         noisy = t.table.assign(r_radps=t.table["r_radps"] + 0.01 * rng.normal(size=200))
-        record = record_of(maneuver(55.0, 60.0), Trial("t", noisy, RATE), "horizontal", np.eye(4))
+        record = record_of(
+            maneuver(55.0, 60.0), Trial.from_table("t", noisy, RATE), "horizontal", np.eye(4)
+        )
         errors.append(record.start[2] - exact)
     # 16 rows from -1.0 to +0.5 s: variance 1/16 + (mean away)^2 / (16 var) = 0.0809 sigma^2
     lever = np.arange(-10, 6)
@@ -215,7 +217,7 @@ def test_start_uses_only_the_same_uninterrupted_piece() -> None:
     before[:50] = -1
     wild = t.table["u_mps"].to_numpy().copy()
     wild[:50] = 99.0
-    torn = Trial("t", t.table.assign(record=before, u_mps=wild), RATE)
+    torn = Trial.from_table("t", t.table.assign(record=before, u_mps=wild), RATE)
     found = record_of(maneuver(55.0, 60.0), torn, "horizontal", np.eye(4)).start
     assert found[0] == pytest.approx(t.table["u_mps"][50], abs=1e-12)
 
@@ -231,7 +233,7 @@ def test_start_at_the_beginning_of_the_log_has_rows_on_one_side() -> None:
 
 def without_compass(rate) -> Trial:
     table = trial(r_radps=rate).table.drop(columns="heading_rad")
-    return Trial("t", table, RATE)
+    return Trial.from_table("t", table, RATE)
 
 
 def test_where_no_heading_is_logged_the_yaw_rate_is_summed_up() -> None:
@@ -252,7 +254,7 @@ def test_a_logged_heading_is_taken_as_it_is() -> None:
 
 
 def test_a_trial_that_is_called_north_has_no_compass_for_that() -> None:
-    called = Trial("north", without_compass(0.1).table, RATE)
+    called = Trial.from_table("north", without_compass(0.1).table, RATE)
     frame = frame_of(maneuver(55.0, 60.0), called, "horizontal")
     assert frame != NORTH and in_one_frame([frame])
 

@@ -215,11 +215,11 @@ def test_nothing_at_all_is_a_report_that_says_so() -> None:
 
 def test_optional_channels_may_be_missing(data: ReportData) -> None:
     needed = ["time_s", "u_mps", "v_mps", "r_radps", "rudder_rad", "rpm", "record"]
-    trials = [replace(t, table=t.table[needed]) for t in data.trials]
+    trials = [t.with_table(t.table[needed]) for t in data.trials]
     page = Page(render(replace(data, trials=trials)))
     assert "Trial at a glance" in page.text
     assert "measured positions" not in page.text and "dead reckoning" not in page.text
-    with_heading = [replace(t, table=t.table[[*needed, "heading_rad"]]) for t in data.trials]
+    with_heading = [t.with_table(t.table[[*needed, "heading_rad"]]) for t in data.trials]
     assert "dead reckoning" in Page(render(replace(data, trials=with_heading))).text
 
 

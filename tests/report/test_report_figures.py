@@ -1,7 +1,6 @@
 """Lines keep what matters when they are thinned; figures show gaps, and bear wild predictions."""
 
 import re
-from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -43,7 +42,7 @@ def trial(name: str = "bay", start_s: float = 100.0, seconds: int = 60) -> Trial
             "record": 0,
         }
     )
-    return Trial(name, table, 10.0)
+    return Trial.from_table(name, table, 10.0)
 
 
 def maneuver(name: str = "bay", start_s: float = 110.0, role: str = "identify") -> Maneuver:
@@ -126,7 +125,7 @@ def test_only_a_trial_with_gaps_shows_some() -> None:
     whole = trial()
     table = whole.table.copy()
     table.loc[200:250, "record"] = -1
-    broken = Trial("bay", table, 10.0)
+    broken = Trial.from_table("bay", table, 10.0)
     with style():
         assert ">gap<" not in timeline([whole], [maneuver()], "a")
         assert ">gap<" in timeline([broken], [maneuver()], "a")
@@ -159,7 +158,7 @@ def test_trials_end_to_end_keep_their_maneuvers() -> None:
 
 def test_a_dive_has_its_pitch_at_a_glance_and_a_turn_has_none() -> None:
     level = trial()
-    dives = replace(level, table=level.table.assign(pitch_rad=0.1, q_radps=0.0, elevator_rad=0.1))
+    dives = level.with_table(level.table.assign(pitch_rad=0.1, q_radps=0.0, elevator_rad=0.1))
     diving = maneuver().model_copy(update={"plane": "vertical", "planes": ("vertical",)})
     with style():
         assert ">pitch, deg<" in timeline([dives], [diving], "a")
@@ -183,7 +182,10 @@ def test_dead_reckoning_of_a_straight_run_ends_where_it_should() -> None:
     assert found[0][-1] == pytest.approx(0.0, abs=1e-9)
     with style():
         assert (
-            track([Trial("x", straight.table.drop(columns="heading_rad"), 10.0)], [], "a") is None
+            track(
+                [Trial.from_table("x", straight.table.drop(columns="heading_rad"), 10.0)], [], "a"
+            )
+            is None
         )
 
 

@@ -128,7 +128,7 @@ class Sail:
         }
         if s.with_heading:
             table["heading_rad"] = psi + rng.normal(0, s.heading_noise_deg * DEG, n)
-        return Trial(name, pd.DataFrame(table), s.rate_hz)
+        return Trial.from_table(name, pd.DataFrame(table), s.rate_hz)
 
 
 def random_trial(ship: Ship, seed: int) -> tuple[Trial, list]:

@@ -255,10 +255,12 @@ def test_inputs_alone_start_on_a_level_run_in_balance(whole: CombinedModel) -> N
     inputs = ["time_s", "rudder_rad", "elevator_rad", "rpm", "record"]
     flags = [c for c in trial.table if c.endswith("_sampled")]
     table = trial.table[[*inputs, *flags]].assign(rudder_rad=0.0, elevator_rad=0.0, rpm=900.0)
-    found = flight_table(whole, trial=Trial("plan", table, trial.rate_hz), samples=0)
+    found = flight_table(whole, trial=Trial.from_table("plan", table, trial.rate_hz), samples=0)
     assert found.u_mps.to_numpy() == pytest.approx(found.u_mps[0], rel=0.02)
     assert 1.0 < found.u_mps[0] < 2.0
-    fast = flight_table(whole, trial=Trial("plan", table, trial.rate_hz), samples=0, speed_mps=2.5)
+    fast = flight_table(
+        whole, trial=Trial.from_table("plan", table, trial.rate_hz), samples=0, speed_mps=2.5
+    )
     assert fast.u_mps[0] == 2.5
     assert fast.u_mps.iloc[-1] < 2.0
 
@@ -269,7 +271,7 @@ def test_where_nothing_is_read_a_flight_begins_in_balance(whole: CombinedModel) 
     table = trial.table.copy()
     gap = table["time_s"].between(790.0, 815.0)
     table.loc[gap, ["u_mps", "v_mps", "w_mps"]] = np.nan
-    deaf = Trial(trial.name, table, trial.rate_hz)
+    deaf = Trial.from_table(trial.name, table, trial.rate_hz)
     window = (800.0, 805.0)
     found = flight_table(whole, trial=deaf, samples=0, window_s=window)
     assert found.u_mps[0] > 1.0 and found.pitch_rad[0] == 0.0
@@ -288,7 +290,8 @@ def test_a_log_without_an_elevator_is_refused(whole: CombinedModel) -> None:
     (trial,) = sample("dive_trial").trials
     with pytest.raises(InputError, match="elevator"):
         flight_table(
-            whole, trial=Trial("bare", trial.table.drop(columns="elevator_rad"), trial.rate_hz)
+            whole,
+            trial=Trial.from_table("bare", trial.table.drop(columns="elevator_rad"), trial.rate_hz),
         )
 
 
@@ -309,7 +312,9 @@ def test_an_effect_of_a_plane_acts_on_its_fin(whole: CombinedModel) -> None:
     model = whole.model_copy(update={"effects": effects, "parameters": parameters})
     (trial,) = sample("dive_trial").trials
     laid = trial.table.assign(rudder_rad=trial.table.rudder_rad + 0.05)
-    expected = flight_table(whole, trial=Trial("dive_trial", laid, trial.rate_hz), samples=0)
+    expected = flight_table(
+        whole, trial=Trial.from_table("dive_trial", laid, trial.rate_hz), samples=0
+    )
     found = flight_table(model, samples=0)
     np.testing.assert_allclose(found.r_radps, expected.r_radps, atol=1e-9)
     assert not np.allclose(found.r_radps, flight_table(whole, samples=0).r_radps, atol=1e-2)
@@ -325,7 +330,7 @@ EFFECTS_WITH_INPUTS = {
 def in_the_vertical_plane(trial: Trial) -> Trial:
     """The trial of a vehicle that does not leave its vertical plane."""
     still = dict.fromkeys(("v_mps", "p_radps", "r_radps", "roll_rad", "rudder_rad"), 0.0)
-    return Trial(trial.name, trial.table.assign(**still), trial.rate_hz)
+    return Trial.from_table(trial.name, trial.table.assign(**still), trial.rate_hz)
 
 
 @pytest.mark.parametrize("effect", EFFECTS_WITH_INPUTS)
@@ -429,7 +434,7 @@ def test_roll_sees_the_motion_of_a_vehicle_whose_dvl_is_misaligned(whole: Combin
 def test_logs_without_roll_leave_it_to_the_geometry() -> None:
     before = sample("harbour_trial")
     (trial,) = before.trials
-    bare = Trial(trial.name, trial.table.drop(columns="roll_rad"), trial.rate_hz)
+    bare = Trial.from_table(trial.name, trial.table.drop(columns="roll_rad"), trial.rate_hz)
     models = [planar("horizontal")]
     plain = combine(models, before.vehicle, before.ase)
     assert plain == combine(models, before.vehicle, before.ase, logs=[([bare], before.maneuvers)])
@@ -454,7 +459,9 @@ def test_logs_of_different_rates_each_have_their_own_lag() -> None:
     before = sample("harbour_trial")
     (trial,) = before.trials
     plain = combine([planar("horizontal")], before.vehicle, before.ase)
-    halved = Trial(trial.name, trial.table.iloc[::2].reset_index(drop=True), 0.5 * trial.rate_hz)
+    halved = Trial.from_table(
+        trial.name, trial.table.iloc[::2].reset_index(drop=True), 0.5 * trial.rate_hz
+    )
     logs = [([one], before.maneuvers) for one in (trial, halved)]
     found = [with_roll(plain, before.vehicle, rows) for rows in (logs, logs[::-1])]
     one, other = ({e.symbol: e for e in model.entries} for model in found)

@@ -1,6 +1,6 @@
 """Held-out maneuvers choose nothing: garbage in their readings changes only their own errors."""
 
-from dataclasses import fields, replace
+from dataclasses import fields
 from functools import cache
 from types import SimpleNamespace
 from typing import Any
@@ -34,7 +34,7 @@ def garbage(name: str, trial: Trial) -> Trial:
         if m.role == "validate":
             rows = (table[TIME_COLUMN] >= m.t_start_s) & (table[TIME_COLUMN] < m.t_end_s)
             table.loc[rows, measured] = rng.normal(size=(int(rows.sum()), len(measured)))
-    return replace(trial, table=table)
+    return trial.with_table(table)
 
 
 def given(name: str, trials: list[Trial], **more: Any) -> Any:
@@ -160,7 +160,7 @@ def test_without_a_compass_held_out_maneuvers_still_tell_which_way_later_ones_la
     """Their yaw rate is summed up with the others; their readings are gone all the same."""
     made = loop("harbour_trial")
     (trial,) = made.chain.trials
-    bare = replace(trial, table=trial.table.drop(columns="heading_rad"))
+    bare = trial.with_table(trial.table.drop(columns="heading_rad"))
     left = without_held_out(bare, made.chain.maneuvers, "horizontal")
     assert left.table["r_radps"].isna().sum() > bare.table["r_radps"].isna().sum()
     assert left.turned_rad is not None

@@ -1,7 +1,6 @@
 """Identification on trials of the independent six-degrees-of-freedom generator."""
 
 import json
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -139,7 +138,7 @@ def poisoned(name: str, plane: str, poison) -> Trial:
                 noise = np.random.default_rng(0).normal(size=int(spoiled.sum()))
                 table.loc[spoiled, column] = noise if poison == "noise" else poison
     assert not table.equals(trial.table)
-    return replace(trial, table=table)
+    return trial.with_table(table)
 
 
 @pytest.mark.parametrize(
@@ -191,7 +190,7 @@ def test_what_identifies_does_choose() -> None:
     m = next(m for m in c.maneuvers.maneuvers if m.role == "identify" and m.kind == "turn")
     table = trial.table.copy()
     table.loc[table["time_s"].between(m.t_start_s, m.t_end_s), "v_mps"] += 0.01
-    assert c.identify(trials=[replace(trial, table=table)]).model != identified(*HARBOUR).model
+    assert c.identify(trials=[trial.with_table(table)]).model != identified(*HARBOUR).model
 
 
 @pytest.mark.parametrize("filter", FILTERS)
@@ -247,7 +246,10 @@ def test_headings_compare_where_what_identifies_counts_from_one_bow() -> None:
     c = sample("harbour_trial")
     assert headings_compare(c.trials, c.maneuvers, "horizontal")  # logged
     table = c.trials[0].table.drop(columns="heading_rad")
-    trial, second = Trial("t", table, c.trials[0].rate_hz), Trial("s", table, c.trials[0].rate_hz)
+    trial, second = (
+        Trial.from_table("t", table, c.trials[0].rate_hz),
+        Trial.from_table("s", table, c.trials[0].rate_hz),
+    )
     turn = next(m for m in c.maneuvers.maneuvers if m.role == "identify" and m.kind == "turn")
     own, other = (turn.model_copy(update={"trial": name, "id": name}) for name in "ts")
     one, both = Maneuvers(maneuvers=(own,)), Maneuvers(maneuvers=(own, other))
@@ -259,7 +261,7 @@ def test_headings_compare_where_what_identifies_counts_from_one_bow() -> None:
 @pytest.mark.parametrize("lacking", ["elevator_rad", "w_mps"])
 def test_a_plane_of_which_something_is_not_logged_is_refused_with_its_name(lacking) -> None:
     c = sample("dive_trial")
-    trials = [replace(t, table=t.table.drop(columns=lacking)) for t in c.trials]
+    trials = [t.with_table(t.table.drop(columns=lacking)) for t in c.trials]
     with pytest.raises(InputError, match=f"vertical plane: {lacking} not in the log") as caught:
         c.identify("vertical", trials=trials, maneuvers=segment_both(trials))
     assert caught.value.exit_code == 3 and "--map" in caught.value.remedy

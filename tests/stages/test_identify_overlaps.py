@@ -138,7 +138,7 @@ def silent(*names: str) -> tuple[Trial, ...]:
         if m.id in names:
             rows = table["time_s"].between(m.t_start_s - HALF_S, m.t_end_s + HALF_S)
             table.loc[rows, measured] = np.nan
-    return (replace(trial, table=table),)
+    return (trial.with_table(table),)
 
 
 def test_a_maneuver_without_any_reading_is_left_out_and_it_is_said() -> None:
@@ -161,7 +161,7 @@ def test_no_reading_at_all_is_an_error_with_what_to_check() -> None:
 def test_a_plane_without_pitch_says_to_hold_the_trim_and_with_it_held_predicts() -> None:
     """Trim and pitch go together: free, the pitch of this dive is predicted 12 degrees off."""
     (trial,) = sample(NAME).trials
-    level = replace(trial, table=trial.table.drop(columns="pitch_rad"))
+    level = trial.with_table(trial.table.drop(columns="pitch_rad"))
     noise = {column: std for column, std in sample(NAME).noise.items() if column != "pitch_rad"}
     chain = replace(sample(NAME), trials=(level,), noise=noise)
     whole = plan_named("refined")

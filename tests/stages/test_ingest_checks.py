@@ -88,7 +88,7 @@ def on_the_grid(*absent: str, **changes: Change) -> dict[str, CheckMade]:
     trial = ingested()[0]
     known = trial.table.drop(columns=list(absent))
     table = known.assign(**{c: f(known[c].to_numpy()) for c, f in changes.items() if c in known})
-    return {c.name: c for c in run_checks(Seen(sailed(), replace(trial, table=table), BOAT))[0]}
+    return {c.name: c for c in run_checks(Seen(sailed(), trial.with_table(table), BOAT))[0]}
 
 
 def times(factor: float, *columns: str) -> dict[str, Callable[[np.ndarray], np.ndarray]]:
@@ -223,7 +223,7 @@ def test_pulses_of_a_throttle_are_told_from_a_rate(rest, begins):
     table["rpm"] = rest + 0.2 * table["rpm"]
     table = table[table["u_mps"] > begins].reset_index(drop=True)
     rows_of = {
-        made.name: made for made in run_checks(Seen(sailed(), replace(trial, table=table), BOAT))[0]
+        made.name: made for made in run_checks(Seen(sailed(), trial.with_table(table), BOAT))[0]
     }
     made = rows_of["rpm_scale"]
     assert made.outcome == "contradicts" and not made.fix
@@ -264,7 +264,7 @@ def test_a_position_in_a_mirror_is_told(north, east, words):
     table = trial.table.assign(
         north_m=north[1] * trial.table[north[0]], east_m=east[1] * trial.table[east[0]]
     )
-    made = run_checks(Seen(sailed(), replace(trial, table=table), BOAT))[0]
+    made = run_checks(Seen(sailed(), trial.with_table(table), BOAT))[0]
     (row,) = [c for c in made if c.name == "speed_by_position"]
     assert row.outcome == "contradicts" and words in row.message
 
@@ -549,7 +549,7 @@ def test_a_dvl_far_from_the_origin_does_not_put_the_blame_on_rpm(factor):
     moved = {"v_mps": table["v_mps"] + (far.dvl.x_m - BOAT.dvl.x_m) * table["r_radps"]}
     table = table.assign(**moved)
     table = table.assign(**{c: factor * table[c] for c in VELOCITIES if c in table})
-    trial = replace(ingested()[0], table=table)
+    trial = ingested()[0].with_table(table)
     made = {c.name: c for c in run_checks(Seen(sailed(), trial, far))[0]}
     assert made["speed_scale"].outcome == "contradicts"
 
@@ -558,7 +558,7 @@ def test_a_dvl_far_from_the_origin_does_not_put_the_blame_on_rpm(factor):
 def test_axes_of_the_gyro_that_are_exchanged(other):
     table = ingested()[0].table
     table = table.assign(r_radps=table[other], **{other: table["r_radps"]})
-    seen = Seen(sailed(), replace(ingested()[0], table=table), BOAT)
+    seen = Seen(sailed(), ingested()[0].with_table(table), BOAT)
     made = {c.name: c for c in run_checks(seen)[0]}["gyro_axes"]
     assert made.outcome == "contradicts"
     assert made.fix == mixed({"r_radps": (1.0, other), other: (1.0, "r_radps")})

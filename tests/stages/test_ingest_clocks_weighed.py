@@ -53,7 +53,7 @@ def swinging(*, current=(0.0, 0.0), turns=True, vertical=True) -> Trial:
         climb = w * np.cos(pitch) - table["u_mps"] * np.sin(pitch)
         table |= {"w_mps": w + noise[2], "pitch_rad": pitch}
         table["depth_m"] = 20.0 + np.cumsum(climb) / RATE_HZ
-    return Trial("swinging", pd.DataFrame(table), RATE_HZ)
+    return Trial.from_table("swinging", pd.DataFrame(table), RATE_HZ)
 
 
 def estimated(trial: Trial):
@@ -69,7 +69,7 @@ def late_dvl(trial: Trial, by_s: float) -> Trial:
     for column in ("u_mps", "v_mps", "w_mps"):
         if column in table:
             table[column] = np.interp(t - by_s, t, table[column].to_numpy())
-    return replace(trial, table=table)
+    return trial.with_table(table)
 
 
 @pytest.mark.parametrize("current", [(0.0, 0.0), (0.2, -0.1), (-0.25, 0.25)])
@@ -100,7 +100,7 @@ def test_a_current_is_taken_out_where_the_equation_explains_more_so():
 def test_on_one_heading_nothing_passes_for_a_current():
     trial = swinging(current=(0.3, 0.1), turns=False)
     table = trial.table.assign(heading_rad=0.05 * np.sin(0.1 * trial.table["time_s"]))
-    s = smooth_signals(replace(trial, table=table), 1.0)
+    s = smooth_signals(trial.with_table(table), 1.0)
     assert np.nanmax(np.abs(s["current_u"])) < 0.1  # of 1.5 m/s, most of which is way
 
 
@@ -126,7 +126,7 @@ def test_a_late_depth_is_not_the_dvls():
     trial = swinging()
     t = trial.table["time_s"].to_numpy()
     depth = np.interp(t - 3.0, t, trial.table["depth_m"].to_numpy())
-    lags = estimated(replace(trial, table=trial.table.assign(depth_m=depth))).of
+    lags = estimated(trial.with_table(trial.table.assign(depth_m=depth))).of
     assert lags["depth"].lag_s == pytest.approx(3.0, abs=0.1)
     assert "dvl" not in lags or not _is_off("dvl", lags["dvl"], 1.0)
 

@@ -39,7 +39,7 @@ def checks(changes: dict[str, Change]) -> dict[str, CheckMade]:
     time = trial.table["time_s"].to_numpy()
     made = {c: f(time, trial.table[c].to_numpy().copy()) for c, f in changes.items()}
     table = trial.table.assign(**made)
-    return {c.name: c for c in run_checks(Seen(raw, replace(trial, table=table), BOAT))[0]}
+    return {c.name: c for c in run_checks(Seen(raw, trial.with_table(table), BOAT))[0]}
 
 
 def times(factor: float) -> Change:

@@ -267,7 +267,7 @@ def test_two_short_holds_and_an_acceleration_decide_together(turns, steps, stds,
 def turning(rate: np.ndarray, rudder: np.ndarray, record: np.ndarray) -> Trial:
     time = np.arange(len(rate)) / RATE_HZ
     table = {"time_s": time, "u_mps": SPEED_MPS, "r_radps": rate, "rudder_rad": rudder}
-    return Trial("t", pd.DataFrame(table | {RECORD_COLUMN: record}), RATE_HZ)
+    return Trial.from_table("t", pd.DataFrame(table | {RECORD_COLUMN: record}), RATE_HZ)
 
 
 @pytest.mark.parametrize(

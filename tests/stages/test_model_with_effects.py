@@ -1,6 +1,6 @@
 """A model that carries effects: written, read and predicted with as it was identified."""
 
-from dataclasses import fields, replace
+from dataclasses import fields
 from functools import cache
 from typing import Any
 
@@ -194,7 +194,7 @@ def noisy_after(trial: Trial, time_s: float) -> Trial:
     measured = [c for c in BY_COLUMN if c in table and BY_COLUMN[c].kind == "measured"]
     late = table[TIME_COLUMN] >= time_s
     table.loc[late, measured] = rng.normal(size=(int(late.sum()), len(measured)))
-    return replace(trial, table=table)
+    return trial.with_table(table)
 
 
 def test_a_model_with_effects_has_a_band_in_validation_and_in_simulation() -> None:

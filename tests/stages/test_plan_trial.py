@@ -15,7 +15,7 @@ def test_a_trial_at_one_propeller_rate_is_asked_for_another() -> None:
     """Thrust steps are what it lacks; the same maneuver twice would tell nothing more."""
     found = sample("harbour_trial")
     (trial,) = found.trials
-    one = Trial(trial.name, trial.table.assign(rpm=614.0), trial.rate_hz)
+    one = Trial.from_table(trial.name, trial.table.assign(rpm=614.0), trial.rate_hz)
     levels = rpm_levels([one], found.maneuvers.maneuvers)
     assert levels == pytest.approx((0.8 * 614.0, 614.0, 614.0))
     asked = [c.what for c in candidates("horizontal", *levels)]
@@ -35,7 +35,9 @@ def test_a_propeller_that_never_turns_ahead_has_no_rate_to_plan_at(turned: float
     """As in a log whose rpm has the other sign, which is told and not refused."""
     found = sample("harbour_trial")
     (trial,) = found.trials
-    astern = Trial(trial.name, trial.table.assign(rpm=turned * trial.table["rpm"]), trial.rate_hz)
+    astern = Trial.from_table(
+        trial.name, trial.table.assign(rpm=turned * trial.table["rpm"]), trial.rate_hz
+    )
     with pytest.raises(NumericsError, match="never turns ahead") as caught:
         rpm_levels([astern], [m for m in found.maneuvers.maneuvers if m.kind == "turn"])
     assert "--fix rpm_sign" in (caught.value.remedy or "")

@@ -163,7 +163,7 @@ def test_a_curved_run_with_the_rudder_at_rest_is_straight():
     drift = abs(s.ship.gain) * 4.5 * DEG
     table["r_radps"] += drift * (table["u_mps"] / s.ship.cruise_mps)
     table = table.drop(columns="heading_rad")
-    found = segment([replace(trial, table=table)]).maneuvers
+    found = segment([trial.with_table(table)]).maneuvers
     assert overlap(s.truth, found, "straight") >= LEAST_OVERLAP
 
 
@@ -231,7 +231,7 @@ def test_a_spin_against_the_rudder_is_no_turn():
     table = trial.table.copy()
     spin = table["time_s"] >= s.truth[-1][1]
     table.loc[spin, "r_radps"] *= -1
-    result = segment([replace(trial, table=table.drop(columns="heading_rad"))])
+    result = segment([trial.with_table(table.drop(columns="heading_rad"))])
     assert not of_kind(result, "turn")
     assert any("against its rudder" in r.reason for r in result.rejected)
 
@@ -240,7 +240,7 @@ def mirrored(trial: Trial) -> Trial:
     table = trial.table.copy()
     for column in ("v_mps", "r_radps", "rudder_rad", "heading_rad"):
         table[column] *= -1
-    return replace(trial, table=table)
+    return trial.with_table(table)
 
 
 def test_port_is_the_mirror_of_starboard():
@@ -256,7 +256,7 @@ def test_port_is_the_mirror_of_starboard():
 
 def test_a_shift_of_the_clock_shifts_the_maneuvers():
     trial, _ = random_trial(AUV, 2)
-    late = replace(trial, table=trial.table.assign(time_s=trial.table["time_s"] + 5000))
+    late = trial.with_table(trial.table.assign(time_s=trial.table["time_s"] + 5000))
     for a, b in zip(segment([trial]).maneuvers, segment([late]).maneuvers, strict=True):
         assert (a.id, a.role) == (b.id, b.role)
         # times are rounded to a millisecond
@@ -272,7 +272,7 @@ def test_the_order_of_the_trials_does_not_matter():
 
 def test_a_contrary_rudder_sign_is_noticed_and_does_no_harm():
     trial, truth = random_trial(AUV, 4)
-    contrary = replace(trial, table=trial.table.assign(rudder_rad=-trial.table["rudder_rad"]))
+    contrary = trial.with_table(trial.table.assign(rudder_rad=-trial.table["rudder_rad"]))
     result = segment([contrary])
     assert "rudder_sign" in [f.code for f in result.findings]
     for kind in KINDS:
@@ -299,7 +299,7 @@ def test_a_log_of_rest_says_that_nothing_was_a_candidate():
 
 def test_rpm_that_stays_at_zero_under_way_is_the_reason_that_is_named():
     trial, _ = random_trial(AUV, 4)
-    dead = replace(trial, table=trial.table.assign(rpm=0.0))
+    dead = trial.with_table(trial.table.assign(rpm=0.0))
     with pytest.raises(InputError, match="No candidate") as caught:
         segment([dead])
     assert "The propeller never turns (rpm is 0 throughout, at a usual speed of" in str(

@@ -135,7 +135,7 @@ def test_the_ids_of_the_sample_trial_are_what_they_were() -> None:
 
 
 def without(trial: Trial, *columns: str) -> Trial:
-    return replace(trial, table=trial.table.drop(columns=[*columns]))
+    return trial.with_table(trial.table.drop(columns=[*columns]))
 
 
 @pytest.mark.parametrize("lacking", ["elevator_rad", "w_mps", "q_radps"])
@@ -155,7 +155,7 @@ def test_a_run_over_which_the_elevator_is_lost_is_one_of_the_horizontal_plane() 
     table = dive.table.copy()
     lost = table["time_s"].between(first.t_start_s + 30.0, first.t_start_s + 36.0)
     table.loc[lost, "elevator_rad"] = np.nan
-    found = segment_both([replace(dive, table=table)])
+    found = segment_both([dive.with_table(table)])
     (torn,) = (m for m in runs(found) if same(m, first))
     assert torn.planes == ("horizontal",) and torn.features["planes"] == ["horizontal"]
     assert all(m.planes == PLANES for m in runs(found) if any(same(m, x) for x in others))

@@ -1,7 +1,5 @@
 """Depth in the segment stage: used wherever it is, missing rows are missing rows and no more."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from segment_world import Sail, Ship
@@ -38,7 +36,7 @@ def dived(motion: bool = False) -> Trial:
         dives = since.between(*DIVE_S)
         table["pitch_rad"] = -np.arcsin(np.where(dives, SINK_MPS / table["u_mps"].clip(0.8), 0.0))
         table["w_mps"] = 0.0
-    return replace(trial, table=table)
+    return trial.with_table(table)
 
 
 def without_depth(trial: Trial, *spans_s: tuple[float, float]) -> Trial:
@@ -47,7 +45,7 @@ def without_depth(trial: Trial, *spans_s: tuple[float, float]) -> Trial:
     since = table["time_s"] - table["time_s"].iloc[0]
     for start, stop in spans_s:
         table.loc[(since > start - 1e-6) & (since < stop - 1e-6), "depth_m"] = np.nan
-    return replace(trial, table=table)
+    return trial.with_table(table)
 
 
 def straights(trial: Trial) -> list[tuple[float, float]]:
@@ -107,7 +105,7 @@ def test_a_gap_of_pitch_leaves_the_rows_to_what_else_there_is() -> None:
     trial = without_depth(dived(motion=True), (0.0, 140.0))
     table = trial.table.copy()
     table.loc[10:20, "pitch_rad"] = np.nan
-    assert straights(replace(trial, table=table)) == straights(dived(motion=True))
+    assert straights(trial.with_table(table)) == straights(dived(motion=True))
 
 
 @pytest.mark.parametrize("rows", [[0], [0, 1, 2], [-1], [0, 4000, 9000, 9001, -1]])
@@ -115,7 +113,7 @@ def test_empty_rows_of_depth_leave_the_maneuvers_of_a_dive_trial_alone(rows) -> 
     trial = ingested(SAMPLES / "dive_trial", "remus100")
     table = trial.table.copy()
     table.loc[table.index[rows], "depth_m"] = np.nan
-    spoiled = replace(trial, table=table)
+    spoiled = trial.with_table(table)
     assert spans_of(segment([spoiled])) == spans_of(segment([trial]))
     assert spans_of(segment_vertical([spoiled])) == spans_of(segment_vertical([trial]))
 

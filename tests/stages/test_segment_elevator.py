@@ -44,7 +44,7 @@ class Dive(Sail):
         made = super().trial(name)
         table = made.table.rename(columns=names)
         still = dict.fromkeys(("v_mps", "r_radps", "rudder_rad", "heading_rad"), 0.0)
-        return Trial(name, table.assign(**still), made.rate_hz)
+        return Trial.from_table(name, table.assign(**still), made.rate_hz)
 
 
 def dive(laid: float, sail=lambda d: d.zigzag(*ZIGZAG, AUV.cruise_rpm)) -> Dive:

@@ -1,7 +1,5 @@
 """The segment stage near the ends of a record: whatever the length, no range leaves it."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from segment_world import DEG, Sail, Ship
@@ -63,6 +61,6 @@ def eased_at_the_end() -> Trial:
 def test_a_record_that_ends_at_any_row_of_a_change_of_course_is_no_crash() -> None:
     whole = eased_at_the_end()
     for rows in range(400, len(whole.table) + 1):
-        short = replace(whole, table=whole.table.iloc[:rows].reset_index(drop=True))
+        short = whole.with_table(whole.table.iloc[:rows].reset_index(drop=True))
         with pytest.raises(InputError, match="no horizontal maneuver"):
             segment([short])

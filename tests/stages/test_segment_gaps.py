@@ -1,7 +1,5 @@
 """Maneuvers and interruptions of the record."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from segment_world import DEG, Sail, Ship, overlap
@@ -22,7 +20,7 @@ def with_gap(trial: Trial, start_s: float, seconds: float, columns=LOST) -> Tria
     number = table["record"].to_numpy(copy=True)
     number[after & (number >= 0)] += 1
     number[gap] = -1
-    return replace(trial, table=table.assign(record=number))
+    return trial.with_table(table.assign(record=number))
 
 
 def one_turn(degrees: float = 500):

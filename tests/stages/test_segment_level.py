@@ -1,7 +1,5 @@
 """Inclined paths and the surface are no place for horizontal maneuvers; trim is no zigzag's end."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from segment_world import DEG, Sail, Ship
@@ -39,7 +37,7 @@ def with_depth(trial: Trial, descents: list[tuple[float, float, float]]) -> Tria
         angle[table["time_s"].between(start, stop)] = degrees * DEG
     sink = table["u_mps"] * np.sin(angle) / AUV.rate_hz
     noise = np.random.default_rng(0).normal(0.0, 0.01, len(table))
-    return replace(trial, table=table.assign(depth_m=DEEP_M + sink.cumsum() + noise))
+    return trial.with_table(table.assign(depth_m=DEEP_M + sink.cumsum() + noise))
 
 
 def spans(found: Maneuvers, kind: str) -> list[float]:
@@ -81,7 +79,7 @@ def test_a_pitch_tells_it_where_the_depth_has_a_gap() -> None:
     table.loc[inside, "depth_m"] = np.nan
     table["pitch_rad"] = np.where(inside, -15 * DEG, 0.0)
     table["w_mps"] = 0.0
-    found = segment([replace(trial, table=table)])
+    found = segment([trial.with_table(table)])
     assert len(spans(found, "turn")) == 1
     assert [r.reason.split(":")[0] for r in found.rejected if "inclined" in r.reason] == ["turn"]
 
@@ -103,13 +101,13 @@ def begun_at_the_surface(depth_m: float) -> tuple[Trial, float]:
     trial = s.trial()
     noise = s.rng.normal(0.0, 0.02, len(trial.table))
     depth = np.where(trial.table["time_s"] < end, 0.15, depth_m) + noise
-    return replace(trial, table=trial.table.assign(depth_m=depth)), end
+    return trial.with_table(trial.table.assign(depth_m=depth)), end
 
 
 def test_the_propeller_on_and_off_at_the_surface_is_no_straight_run() -> None:
     trial, end = begun_at_the_surface(DEPTH_M)
     assert [start > end for start in spans(segment([trial]), "straight")] == [True]
-    bare = replace(trial, table=trial.table.drop(columns="depth_m"))
+    bare = trial.with_table(trial.table.drop(columns="depth_m"))
     assert min(spans(segment([bare]), "straight")) < end  # without depth nothing tells
 
 
@@ -132,7 +130,7 @@ def pitched(trim_deg: float) -> Trial:
     table = trial.table.rename(columns=names | {"v_mps": "w_mps"})
     table["elevator_rad"] += trim_deg * DEG
     table = table.assign(v_mps=0.0, r_radps=0.0, rudder_rad=0.0)
-    return replace(trial, table=table)
+    return trial.with_table(table)
 
 
 @pytest.mark.parametrize("trim_deg", [0.0, 3.0, -4.0])

@@ -82,7 +82,7 @@ def test_every_kvlcc2_file_is_one_zigzag():
     for path in sorted(KVLCC2.glob("*.parquet")):
         table = pd.read_parquet(path)
         table["rudder_rad"] *= -1  # of these files a positive rudder turns to starboard
-        trials.append(Trial(path.stem, table.assign(record=0), 10.0))
+        trials.append(Trial.from_table(path.stem, table.assign(record=0), 10.0))
     result = segment(trials)
     assert [m.kind for m in result.maneuvers] == ["zigzag"] * len(trials)
     for m, trial in zip(result.maneuvers, trials, strict=True):

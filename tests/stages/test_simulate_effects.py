@@ -38,7 +38,7 @@ def run(model: IdentifiedModel, trial: Trial, **options: Any) -> pd.DataFrame:
 
 
 def changed(trial: Trial, **columns: Any) -> Trial:
-    return Trial(trial.name, trial.table.assign(**columns), trial.rate_hz)
+    return Trial.from_table(trial.name, trial.table.assign(**columns), trial.rate_hz)
 
 
 def test_an_offset_of_the_rudder_is_a_rudder_laid_by_so_much(given: Given) -> None:
@@ -136,7 +136,9 @@ def test_a_force_acts(given: Given) -> None:
 def test_the_race_of_the_propeller_rests_on_the_speed_of_the_simulation(given: Given) -> None:
     """Where no speed was logged; the rudder would be laid over without bound otherwise."""
     trial = given.trials[0]
-    bare = Trial(trial.name, trial.table[["time_s", "rudder_rad", "rpm", "record"]], trial.rate_hz)
+    bare = Trial.from_table(
+        trial.name, trial.table[["time_s", "rudder_rad", "rpm", "record"]], trial.rate_hz
+    )
     model = with_effects(given.model, propeller_race={"c_m2ps2pn": 0.01})
     plain, raced = run(given.model, bare), run(model, bare)
     assert raced["r_radps"].abs().max() < 2.0 * plain["r_radps"].abs().max()

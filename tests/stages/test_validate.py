@@ -151,7 +151,7 @@ def sailed(model: IdentifiedModel) -> Trial:
     table["time_s"], table["rpm"], table["record"] = time, inputs[:, 2] * 60, 0
     for sensor in ("dvl", "gyro", "attitude", "rudder", "elevator", "rpm"):
         table[f"{sensor}_sampled"] = True
-    return Trial("made", table, 10.0)
+    return Trial.from_table("made", table, 10.0)
 
 
 def maneuvers(plane: str = "horizontal") -> Maneuvers:
@@ -250,7 +250,9 @@ def test_a_zigzag_without_a_reversal_has_no_figures_to_repeat() -> None:
 
 def test_without_a_compass_the_gyro_is_integrated() -> None:
     trial = sailed(base())
-    blind = Trial("made", trial.table.drop(columns=["heading_rad", "attitude_sampled"]), 10.0)
+    blind = Trial.from_table(
+        "made", trial.table.drop(columns=["heading_rad", "attitude_sampled"]), 10.0
+    )
     found = validate([blind], maneuvers(), base()).metrics.summary["validate"]
     # trapezoids against RK4 of a rate that settles in a second or two: (dt/tau)^2/12 of it
     assert found["heading"].nrmse < 1e-3
@@ -386,7 +388,7 @@ def test_a_prediction_sees_only_the_start_and_the_inputs() -> None:
     later = table["time_s"] > 199.0
     for column in STATE_COLUMNS["horizontal"]:
         table.loc[later, column] += 0.3
-    wrong = validate([Trial("made", table, 10.0)], maneuvers(), base())
+    wrong = validate([Trial.from_table("made", table, 10.0)], maneuvers(), base())
     right = validate([trial], maneuvers(), base())
     turn = right.simulation["maneuver"] == "made-turn-1"
     for column in STATE_COLUMNS["horizontal"]:

@@ -5,7 +5,6 @@ the longest stretch outside identifies; too short a rest identifies nothing.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -22,12 +21,12 @@ def without_held_out(trial: Trial, maneuvers: Maneuvers, plane: Plane) -> Trial:
     held = _held_out(trial.name, maneuvers, plane)
     if not held:
         return trial
-    table = trial.table.copy()
-    measured = [c for c in BY_COLUMN if c in table and BY_COLUMN[c].kind == "measured"]
-    table.loc[_rows_of(trial, held), measured] = np.nan
+    rows, columns = _rows_of(trial, held), trial.columns
+    measured = [c for c in BY_COLUMN if c in columns and BY_COLUMN[c].kind == "measured"]
+    changed = {c: np.where(rows, np.nan, columns[c]) for c in measured}
     if not trial.has_heading and trial.turned_rad is not None:
-        table[TURNED_COLUMN] = trial.turned_rad  # which way it lay, not how it moved
-    return replace(trial, table=table)
+        changed[TURNED_COLUMN] = trial.turned_rad  # which way it lay, not how it moved
+    return trial.with_columns(changed)
 
 
 def identifying(trials: Sequence[Trial], maneuvers: Maneuvers, plane: Plane) -> list[Maneuver]:
@@ -89,7 +88,7 @@ def _seconds(m: Maneuver) -> float:
 
 def _rows_of(trial: Trial, maneuvers: Sequence[Maneuver]) -> npt.NDArray[np.bool_]:
     """Rows of maneuvers; the one at the end of each is the first of a maneuver that follows."""
-    time, half = trial.table[TIME_COLUMN].to_numpy(), 0.5 / trial.rate_hz
+    time, half = trial.columns[TIME_COLUMN], 0.5 / trial.rate_hz
     rows = np.zeros(len(time), dtype=bool)
     for m in maneuvers:
         rows |= (time >= m.t_start_s - half) & (time < m.t_end_s - half)
@@ -107,6 +106,6 @@ def _outside(m: Maneuver, trials: Sequence[Trial], maneuvers: Maneuvers, plane: 
         return m.model_copy(update={"t_end_s": m.t_start_s})
     longest = int(np.argmax(edges[1::2] - edges[::2]))
     first, stop = edges[2 * longest : 2 * longest + 2]
-    start = float(trial.table[TIME_COLUMN].iloc[first])
+    start = float(trial.columns[TIME_COLUMN][first])
     end = start + float(stop - first) / trial.rate_hz
     return m.model_copy(update={"t_start_s": start, "t_end_s": end})

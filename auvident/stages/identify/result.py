@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import pandas as pd
 
 from auvident.constants import BEYOND_CHANCE_NATS, NOT_MOVED
 from auvident.engines.carried import Carried, effect_rows
@@ -46,6 +45,7 @@ from auvident.schema.coefficients import (
 )
 from auvident.schema.effects import parameter_of
 from auvident.schema.plan import PlanStage
+from auvident.schema.trial import Columns, stacked
 from auvident.schema.vehicle import Vehicle
 from auvident.stages.identify.profiles import SECANT
 from auvident.stages.identify.residuals import innovations_tested, nis_findings
@@ -427,7 +427,7 @@ def _correlated(covariance: Array, symbols: Sequence[str]) -> Iterator[Finding]:
         )
 
 
-def history_of(setup: Setup, done: Sequence[Step]) -> pd.DataFrame:
+def history_of(setup: Setup, done: Sequence[Step]) -> Columns:
     """Every coefficient and its standard deviation against time, by stage and cycle."""
     pieces = []
     every = max(round(HISTORY_PERIOD_S / setup.dt_s), 1)
@@ -445,24 +445,23 @@ def history_of(setup: Setup, done: Sequence[Step]) -> pd.DataFrame:
             values = outcome.parameters[outcome.free][None, :]
             stds = np.sqrt(np.diag(outcome.covariance))[None, :] * scale
         times = np.arange(len(values)) * every * setup.dt_s
+        rows_of_all = len(times) * len(symbols)
         pieces.append(
-            pd.DataFrame(
-                {
-                    "order": order,
-                    "start": step.start,
-                    "cycle": step.cycle,
-                    "stage": step.stage.name,
-                    "time_s": np.repeat(times, len(symbols)),
-                    "symbol": symbols * len(times),
-                    "value": values.ravel(),
-                    "std": stds.ravel(),
-                }
-            )
+            {
+                "order": np.full(rows_of_all, order),
+                "start": np.full(rows_of_all, step.start),
+                "cycle": np.full(rows_of_all, step.cycle),
+                "stage": np.full(rows_of_all, step.stage.name),
+                "time_s": np.repeat(times, len(symbols)),
+                "symbol": np.tile(symbols, len(times)),
+                "value": values.ravel(),
+                "std": stds.ravel(),
+            }
         )
-    return pd.concat(pieces, ignore_index=True)
+    return stacked(pieces)
 
 
-def states_of(setup: Setup, parameters: Array) -> pd.DataFrame:
+def states_of(setup: Setup, parameters: Array) -> Columns:
     """Smoothed states of every maneuver that identifies, with their standard deviations."""
     active = active_states("coupled", setup.structure.plane)
     columns = STATE_COLUMNS[setup.structure.plane]
@@ -476,9 +475,9 @@ def states_of(setup: Setup, parameters: Array) -> pd.DataFrame:
         found = smoothed_states(
             setup.structure, parameters, acting, active, sensor, setup.sensor_std, setup.dt_s
         )
-        piece = {"maneuver": name, "time_s": record.time_s}
+        piece = {"maneuver": np.full(len(record), name), "time_s": record.time_s}
         for c in np.flatnonzero(active):
             piece[columns[c]] = found.mean[:, c]
             piece[f"std_{columns[c]}"] = found.std[:, c]
-        pieces.append(pd.DataFrame(piece))
-    return pd.concat(pieces, ignore_index=True)
+        pieces.append(piece)
+    return stacked(pieces)

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import pandas as pd
 
 from auvident.constants import USUAL_SPEED_MPS
 from auvident.engines.carried import Carried, allowed
@@ -33,7 +32,7 @@ from auvident.schema.artifacts import (
 )
 from auvident.schema.coefficients import ESTIMATED, Plane
 from auvident.schema.plan import Plan, PlanStage
-from auvident.schema.trial import Trial
+from auvident.schema.trial import Columns, Trial
 from auvident.schema.vehicle import Vehicle
 from auvident.stages.identify.held_out import overlap_findings, without_held_out
 from auvident.stages.identify.left_out import course_findings, left_out_of
@@ -70,13 +69,13 @@ class Identification:
     """What `identify` returns: the model, the history of its coefficients, smoothed states."""
 
     model: IdentifiedModel
-    history: pd.DataFrame
-    states: pd.DataFrame
+    history: Columns
+    states: Columns
 
 
 def speed_of(trials: Sequence[Trial]) -> float:
     """Median speed of the trials [m/s]; the usual one where none is logged."""
-    speeds = [t.table["u_mps"].abs().to_numpy() for t in trials if "u_mps" in t.table]
+    speeds = [np.abs(t.columns["u_mps"]) for t in trials if "u_mps" in t.columns]
     logged = np.concatenate([*speeds, np.zeros(0)])
     logged = logged[np.isfinite(logged)]
     return max(float(np.median(logged)), LEAST_SPEED_MPS) if len(logged) else USUAL_SPEED_MPS

@@ -125,7 +125,7 @@ def put_right(trial: Trial, sensor: str, found: ClockLag) -> Trial:
         if column in BY_COLUMN and BY_COLUMN[column].sensor == sensor:
             values = table[column].to_numpy(dtype=float)
             table[column] = np.interp(time + lag, time, values, left=np.nan, right=np.nan)
-    return replace(trial, table=table)
+    return trial.with_table(table)
 
 
 class Bench:

@@ -117,7 +117,7 @@ def ingest(
     table = _table(grid, columns, needed)
     # those of the table, so that a long log is not in memory twice
     columns = {c: replace(found, values=table[c].to_numpy()) for c, found in columns.items()}
-    trial = Trial(raw.name, _marked(table, sensors), rate_hz)
+    trial = Trial.from_table(raw.name, _marked(table, sensors), rate_hz)
     try:
         quality = report(raw, trial, vehicle, sensors, plans, columns, needed)
     except InputError as error:

@@ -85,7 +85,7 @@ def edited(name: str) -> Chain:
     if name == "deeper than stated":
         dvl = vehicle.dvl.model_copy(update={"z_m": STATED_M})
         vehicle = vehicle.model_copy(update={"dvl": dvl})
-    trials = (replace(trial, table=table),)
+    trials = (trial.with_table(table),)
     return replace(chain, trials=trials, maneuvers=maneuvers, vehicle=vehicle)
 
 

@@ -96,7 +96,7 @@ def trial_of(
     for sensor in ("gyro", "attitude", "dvl", "position"):
         table[f"{sensor}_sampled"] = np.ones(len(time), dtype=bool)
     table["position_sampled"] = np.arange(len(time)) % 10 == 0
-    return Trial("t", pd.DataFrame(table).drop(columns=list(drop)), RATE_HZ)
+    return Trial.from_table("t", pd.DataFrame(table).drop(columns=list(drop)), RATE_HZ)
 
 
 ALLOWANCES = {
@@ -149,7 +149,7 @@ def test_held_out_rows_and_an_outlier_do_no_harm() -> None:
     blank = [c for c in table if c.endswith(("_rad", "_radps", "_mps", "_m"))]
     table.loc[2000:2900, blank] = np.nan
     table.loc[5000, "heading_rad"] += 0.5
-    check = heading_against_gyro([Trial("t", table, RATE_HZ)])
+    check = heading_against_gyro([Trial.from_table("t", table, RATE_HZ)])
     assert np.abs(errors(check, {"gyro_bias.bias_degps": 4e-3})).max() < 3.5
 
 
@@ -192,7 +192,7 @@ def test_a_missing_log_gives_no_check(column: str) -> None:
 
 def test_too_little_of_a_log_gives_no_check() -> None:
     trial = trial_of(np.random.default_rng(7))
-    short = Trial("t", trial.table.iloc[:600].reset_index(drop=True), RATE_HZ)
+    short = Trial.from_table("t", trial.table.iloc[:600].reset_index(drop=True), RATE_HZ)
     assert heading_against_gyro([short]) is None
     assert position_against_dvl([short], DVL) is None
 

@@ -94,7 +94,7 @@ def trial_of(
     for sensor in ("gyro", "attitude", "dvl", "depth"):
         table[f"{sensor}_sampled"] = np.ones(len(time), dtype=bool)
     table["depth_sampled"] = np.arange(len(time)) % 2 == 0
-    return Trial("t", pd.DataFrame(table).drop(columns=list(drop)), RATE_HZ)
+    return Trial.from_table("t", pd.DataFrame(table).drop(columns=list(drop)), RATE_HZ)
 
 
 def told(check: SensorCheck | None, name: str) -> tuple[float, float]:
