@@ -22,7 +22,9 @@ from typing import Any
 from numba import __version__ as numba_version
 from numba import njit
 from numba.core import config
+from numba.core.caching import FunctionCache
 from numba.core.compiler import Compiler
+from numba.core.runtime import rtsys
 from platformdirs import user_cache_path
 
 PACKAGE = Path(__file__).resolve().parent
@@ -44,7 +46,7 @@ KERNEL_MODULES = (
     "physics/term_tables.py",
 )
 # Without a wrapper that lets C call a kernel: nobody does, and it took a twentieth of compiling.
-ALWAYS: Any = {"cache": True, "error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True}
+ALWAYS: Any = {"error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True}
 FOLDER = "auvident-kernels-"
 UNUSED_S = 30 * 86400.0  # a folder that no process used for a month belongs to a version long gone
 
@@ -123,12 +125,29 @@ def has_compiled(name: str) -> bool:
     return folder is not None and any(folder.glob(f"*/{name}-*.nbc"))
 
 
+class _Kept(FunctionCache):  # type: ignore[misc]
+    """numba's cache, which loads what is compiled without all that only compiling needs.
+
+    numba first imports 216 modules, scipy.linalg among them, which hold the types and functions
+    that a kernel may use: a fifth of a second. One that is compiled uses symbols of the
+    mathematics and the memory of arrays; what is to be compiled imports the rest by itself.
+    """
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """The compiled function for a signature; None when there is none."""
+        rtsys.initialize(target_context)
+        with self._guard_against_spurious_io_errors():
+            return self._load_overload(sig, target_context)
+
+
 def _compiled_in(folder: Path, function: Callable[..., Any], **options: Any) -> Any:
     """Compile with the cache in a folder; numba's setting is put back for everyone else."""
     before = config.CACHE_DIR  # type: ignore[attr-defined]
     config.CACHE_DIR = str(folder)  # type: ignore[attr-defined]
     try:
-        return njit(**ALWAYS, **options)(function)
+        compiled = njit(**ALWAYS, **options)(function)
+        compiled._cache = _Kept(function)
+        return compiled
     finally:
         config.CACHE_DIR = before  # type: ignore[attr-defined]
 
