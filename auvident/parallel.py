@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import cache
+from importlib import import_module
 from typing import TypeVar
 
 Item = TypeVar("Item")
@@ -71,6 +72,12 @@ def each(
         order.sort(key=lambda i: -effort(every[i]))
     pending = {i: _pool().submit(_at_work, function, every[i]) for i in order}
     return [pending[i].result() for i in range(len(every))]
+
+
+def load_beside(module: str) -> None:
+    """Import in another thread what will be needed; an error is left to who needs it."""
+    if threads() > 1:
+        _pool().submit(import_module, module)
 
 
 def stay_alone() -> None:

@@ -7,7 +7,7 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import click
@@ -114,17 +114,28 @@ WITHOUT = [
 def test_a_command_loads_no_library_that_it_does_not_need(
     arguments: tuple[str, ...], heavy: set[str], tmp_path: Path
 ) -> None:
+    own = str(tmp_path / "run")
+    loaded = loaded_by([*arguments, own] if "--run" in arguments else arguments)
+    assert len(loaded) > 50 and not heavy & loaded
+
+
+def test_to_identify_needs_no_tables_and_no_special_functions(demo: Path) -> None:
+    loaded = loaded_by(["identify", str(demo), "--plan", "together"])
+    assert "numba" in loaded
+    assert not {"pandas", "scipy.special", "matplotlib", "jinja2"} & loaded
+
+
+def loaded_by(command: Sequence[str]) -> set[str]:
+    """Modules that a command has loaded when it ends."""
     script = (
         "import sys; from auvident.cli import _run\n"
         "assert not _run(sys.argv[1:]); print('loaded', *sys.modules)"
     )
-    command = [*arguments, str(tmp_path / "run")] if "--run" in arguments else arguments
     done = subprocess.run(
         [sys.executable, "-c", script, *command],
         check=True, capture_output=True, text=True, env=ENVIRONMENT,
     )  # fmt: skip
-    loaded = done.stdout.rpartition("\nloaded")[2].split()
-    assert len(loaded) > 50 and not heavy & set(loaded)
+    return set(done.stdout.rpartition("\nloaded")[2].split())
 
 
 # `combine` of a run of one plane writes where it is told to: tests/test_cli_combine.py

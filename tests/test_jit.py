@@ -29,6 +29,17 @@ print(json.dumps([jit.cache_is_writable(), jit.compiled_already(), before,
                   sum(stats.cache_hits.values()), str(jit._permanent())]))
 """
 
+BOTH = """
+import sys
+sys.path.insert(0, {root!r})
+from numba import njit
+from auvident.estimation.kalman import unscented_weights
+own = unscented_weights(4, 1.0)
+bare = "numba.np.linalg" not in sys.modules
+same = njit(lambda n: unscented_weights(n, 1.0))(4)
+print("[" + str(int(bare)) + ",", str(int(repr(same) == repr(own))) + "]")
+"""
+
 
 @pytest.fixture
 def installed(tmp_path: Path) -> Path:
@@ -44,11 +55,11 @@ def obey_permissions() -> None:
         ctypes.CDLL(None).prctl(PR_CAPBSET_DROP, CAP_DAC_OVERRIDE, 0, 0, 0)
 
 
-def run_in(site: Path, home: Path, **environment: str) -> list:
+def run_in(site: Path, home: Path, script: str = SMALL, **environment: str) -> list:
     """Use one kernel in a fresh process."""
     keep = {k: v for k, v in os.environ.items() if k not in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME")}
     done = subprocess.run(
-        [sys.executable, "-c", SMALL.format(root=str(site))],
+        [sys.executable, "-c", script.format(root=str(site))],
         env={**keep, "HOME": str(home), "PYTHONDONTWRITEBYTECODE": "1", **environment},
         preexec_fn=obey_permissions,
         capture_output=True,
@@ -122,6 +133,14 @@ def test_a_named_folder_is_used(installed: Path, tmp_path: Path) -> None:
     named.mkdir()
     found = run_in(installed, tmp_path, NUMBA_CACHE_DIR=str(named))
     assert found[0] and found[4].startswith(str(named))
+
+
+def test_what_is_compiled_is_loaded_alone_and_can_be_compiled_with(
+    installed: Path, tmp_path: Path
+) -> None:
+    """What numba imports to compile is not needed to load, and comes when something compiles."""
+    assert run_in(installed, tmp_path, BOTH)[1] == 1
+    assert run_in(installed, tmp_path, BOTH) == [1, 1]
 
 
 def test_changed_sources_are_compiled_anew(installed: Path, tmp_path: Path) -> None:

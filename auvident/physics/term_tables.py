@@ -77,9 +77,13 @@ def sort_terms(active, moves, moving, terms, weights):
         scalars, places of the others among the rows.
     weights : (m,) array
     """
-    chosen = np.flatnonzero(active[terms[:, 0]])
-    table = np.zeros((chosen.shape[0], 10), np.uintp)
-    for k in range(chosen.shape[0]):
+    chosen, count = np.empty(terms.shape[0], np.int64), 0
+    for k in range(terms.shape[0]):  # `np.flatnonzero` has numba load 200 modules with the kernel
+        if active[terms[k, 0]]:
+            chosen[count] = k
+            count += 1
+    table = np.zeros((count, 10), np.uintp)
+    for k in range(count):
         term, n = terms[chosen[k]], 0
         table[k, 0], table[k, 2:6] = term[0], ONE
         table[k, 5] = P_SCALARS + term[1]
@@ -93,7 +97,7 @@ def sort_terms(active, moves, moving, terms, weights):
             elif power >= 0:
                 table[k, 2 + c] = variable * N_POWERS + power
         table[k, 1] = n
-    return table, weights[chosen]
+    return table, weights[chosen[:count]]
 
 
 @kernel

@@ -15,6 +15,7 @@ OF_STAGES = (
     "auvident.stages.refine",
     "auvident.stages.validate",
     "auvident.stages.desk",
+    "scipy.optimize",
 )
 # by this process before there is a helper, as both draw on it for a report
 OF_BOTH = ("pandas", "auvident.report.html")

@@ -215,9 +215,6 @@ class _Progress:
             return execution.here()
         made = execution.beside()
         load(OF_STAGES)
-        from auvident.stages.identify.warm_up import begin_with_kernels
-
-        begin_with_kernels()
         return made()
 
     def _settle(self) -> None:

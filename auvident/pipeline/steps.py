@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from auvident.parallel import load_beside
 from auvident.pipeline.given import Given
 from auvident.pipeline.observer import Observer
 
@@ -196,6 +197,7 @@ def diagnose(given: Given) -> dict[str, Any]:
     from auvident.stages.diagnose import told_by
     from auvident.stages.identify import prepare, without_held_out
 
+    load_beside("scipy.optimize")  # its fits at the edge of what physics allows need it
     first = given.former.get("diagnose/diagnosis.json") if given.is_beside else None
     told = told_by(first, given.maneuvers) if first else []
     setup = prepare(

@@ -18,7 +18,9 @@ if TYPE_CHECKING:
 
 Array = npt.NDArray[Any]
 
-DTYPES = {"double": np.float64, "int64": np.int64}  # by the name of Arrow
+# types by their names in Arrow
+DTYPES = {"double": np.float64, "int64": np.int64}
+FLAG, MAY_MISS = "bool", "double"
 
 
 def read_columns(path: Path) -> Columns:
@@ -40,24 +42,22 @@ def read_columns(path: Path) -> Columns:
 
 def _joined(name: str, chunks: "list[pa.Array]") -> Array:
     """Values of a column, which comes in pieces."""
-    pieces = [_values(name, chunk) for chunk in chunks]
-    values = pieces[0] if len(pieces) == 1 else np.concatenate([*pieces])
+    pieces = [_values(name, chunk) for chunk in chunks] or [np.zeros(0)]
+    values = pieces[0] if len(pieces) == 1 else np.concatenate(pieces)
     values.flags.writeable = False
     return values
 
 
 def _values(name: str, piece: "pa.Array") -> Array:
-    present, content = piece.buffers()
-    rows = slice(piece.offset, piece.offset + len(piece))
-    if str(piece.type) == "bool" and not piece.null_count:
-        return _bits(content, rows).view(np.bool_)
-    if str(piece.type) not in DTYPES or (piece.null_count and str(piece.type) != "double"):
+    kind, rows = str(piece.type), slice(piece.offset, piece.offset + len(piece))
+    if kind not in (FLAG, *DTYPES) or (piece.null_count and kind != MAY_MISS):
         missing = f", {piece.null_count} of them missing" if piece.null_count else ""
-        raise ValueError(f"the values of {name} are of the type {piece.type}{missing}")
-    values = np.frombuffer(content, DTYPES[str(piece.type)])[rows]
-    if not piece.null_count:
-        return values
-    return np.where(_bits(present, rows), values, np.nan)
+        raise ValueError(f"the values of {name} are of the type {kind}{missing}")
+    present, content = piece.buffers()
+    if kind == FLAG:
+        return _bits(content, rows).view(np.bool_)
+    values = np.frombuffer(content, DTYPES[kind])[rows]
+    return np.where(_bits(present, rows), values, np.nan) if piece.null_count else values
 
 
 def _bits(buffer: "pa.Buffer", rows: slice) -> npt.NDArray[np.uint8]:
@@ -66,27 +66,35 @@ def _bits(buffer: "pa.Buffer", rows: slice) -> npt.NDArray[np.uint8]:
 
 
 def arrow_of(columns: Columns) -> "pa.Table":
-    """Numbers and texts as a table; a number that is NaN is a missing value."""
+    """Numbers, flags and texts as a table; a number that is NaN is a missing value."""
     import pyarrow as pa
 
-    made = {n: _texts(x) if x.dtype.kind in "OU" else _numbers(x) for n, x in columns.items()}
+    made = {name: _array(values) for name, values in columns.items()}
     return pa.Table.from_arrays(list(made.values()), names=list(made))
 
 
-def _numbers(values: Array) -> "pa.Array":
-    """An array of numbers, 64 bits each."""
+def _array(values: Array) -> "pa.Array":
+    """An array as pandas would write it."""
     import pyarrow as pa
 
-    whole = values.dtype.kind in "iu"
+    if values.dtype.kind in "OU":
+        return _texts(values)
+    if values.dtype.kind == "b":
+        return pa.Array.from_buffers(pa.bool_(), len(values), [None, _packed(values)])
+    whole, missing = values.dtype.kind in "iu", np.isnan(values)
     kind, dtype = (pa.int64(), np.int64) if whole else (pa.float64(), np.float64)
-    content, missing = np.ascontiguousarray(values, dtype), np.isnan(values)
-    bits = np.packbits(~missing, bitorder="little")
-    present = pa.py_buffer(bits.tobytes()) if missing.any() else None
-    return pa.Array.from_buffers(kind, len(content), [present, pa.py_buffer(content)])
+    present = _packed(~missing) if missing.any() else None
+    content = pa.py_buffer(np.ascontiguousarray(values, dtype))
+    return pa.Array.from_buffers(kind, len(values), [present, content])
+
+
+def _packed(flags: Array) -> "pa.Buffer":
+    import pyarrow as pa
+
+    return pa.py_buffer(np.packbits(flags, bitorder="little").tobytes())
 
 
 def _texts(values: Array) -> "pa.Array":
-    """An array of texts, as pandas would write it."""
     import pyarrow as pa
 
     texts = [str(text).encode(errors="backslashreplace") for text in values.tolist()]

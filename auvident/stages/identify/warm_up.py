@@ -8,9 +8,6 @@ from dataclasses import replace
 from functools import partial
 from typing import get_args
 
-import numpy as np
-
-from auvident.engines.accumulated import all_within
 from auvident.engines.carried import allowed
 from auvident.engines.estimator import filter_pass, task_of
 from auvident.engines.free_run import likelihood, residual_of
@@ -31,11 +28,6 @@ EVERYTHING = PlanStage(
 FEW = 2  # maneuvers are enough to compile with
 ANY_TIME_S = 30.0  # process noise does not matter for it
 ANY_NOISE = {"u_mps": 0.005, "v_mps": 0.005, "r_radps": 0.001, "heading_rad": 0.005}
-
-
-def begin_with_kernels() -> None:
-    """Load the smallest kernel: with its first one numba looks up all that it knows of numpy."""
-    all_within(np.zeros((1, 1)), 1.0)
 
 
 def compile_first(setup: Setup) -> None:

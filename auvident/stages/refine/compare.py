@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
-from scipy.special import stdtrit
 
 from auvident.constants import INDEPENDENT_S, NORMAL_95
+from auvident.estimation.chances import student_quantile
 from auvident.physics.maneuvers import headings_from_start
 from auvident.schema.artifacts import (
     ON_A_MODEL,
@@ -323,7 +323,7 @@ def _for_few(votes: int) -> float:
     each of 46 drawn trials, where nothing is better or worse, 24.1 % of the intervals without
     this factor leave zero out, and 4.3 % with it.
     """
-    student = float(stdtrit(votes - 1, INTERVAL[1] / 100.0))
+    student = student_quantile(votes - 1, INTERVAL[1] / 100.0)
     return math.sqrt(votes / (votes - 1)) * student / NORMAL_95
 
 

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import stdtrit
 
 from auvident.engines.free_run import normal_equations
+from auvident.estimation.chances import student_quantile
 from auvident.physics.terms import LINEAR_DRAG
 from auvident.schema.diagnosis import Bound, ParameterValue, ends
 from auvident.schema.effects import BY_ID, EFFECTS, EffectParameter, parameter_of
@@ -121,7 +121,7 @@ def effect_values(
     """
     found, at = [], bounds_of(case, effect, p)
     freedom = max(min(len(case.records), MOST_FITS) - 1, 1)
-    reach = float(stdtrit(freedom, INTERVAL))
+    reach = student_quantile(freedom, INTERVAL)
     for i in case.positions(effect):
         declared = parameter_of(case.names[i])
         internal = float(p[i] - case.setup.prior[i])
