@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 Array = npt.NDArray[Any]
 
-KOLMOGOROV_TERMS = 40  # of both series; of the one that is used three are above 1e-16
+KOLMOGOROV_TERMS = 6  # of both series; where each is used the next is below 1e-30
 KOLMOGOROV_CHANGE = 1.0  # argument below which the other series is the faster one
 
 
@@ -69,6 +69,6 @@ def kolmogorov_above(value: float) -> float:
         return 1.0
     k = np.arange(1, KOLMOGOROV_TERMS + 1)
     if value < KOLMOGOROV_CHANGE:
-        sum_ = np.exp(-(((2 * k - 1) * math.pi / value) ** 2) / 8.0).sum()
-        return 1.0 - math.sqrt(2.0 * math.pi) / value * float(sum_)
+        series = np.exp(-(((2 * k - 1) * math.pi / value) ** 2) / 8.0).sum()
+        return 1.0 - math.sqrt(2.0 * math.pi) / value * float(series)
     return 2.0 * float(((-1.0) ** (k - 1) * np.exp(-2.0 * (k * value) ** 2)).sum())

@@ -97,7 +97,11 @@ def _packed(flags: Array) -> "pa.Buffer":
 def _texts(values: Array) -> "pa.Array":
     import pyarrow as pa
 
-    texts = [str(text).encode(errors="backslashreplace") for text in values.tolist()]
-    ends = np.cumsum([0, *map(len, texts)], dtype=np.int64)
-    content = [None, pa.py_buffer(ends), pa.py_buffer(b"".join(texts))]
-    return pa.Array.from_buffers(pa.large_string(), len(texts), content)
+    values = values.astype(np.str_)
+    texts, lengths = values.tolist(), np.char.str_len(values)
+    content = "".join(texts).encode(errors="backslashreplace")
+    if len(content) != lengths.sum():  # not of one byte a letter
+        lengths = np.array([len(text.encode(errors="backslashreplace")) for text in texts])
+    ends = np.concatenate([np.zeros(1, np.int64), np.cumsum(lengths, dtype=np.int64)])
+    buffers = [None, pa.py_buffer(ends), pa.py_buffer(content)]
+    return pa.Array.from_buffers(pa.large_string(), len(texts), buffers)
