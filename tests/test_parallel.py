@@ -136,3 +136,17 @@ def test_linear_algebra_that_is_limited_already_is_not_loaded_to_limit_it() -> N
             check=True, capture_output=True, text=True, env={**os.environ, **limited},
         )  # fmt: skip
         assert done.stdout.strip() == loaded
+
+
+@pytest.mark.parametrize(("number", "loaded"), [("1", "False"), ("2", "True")])
+def test_a_module_is_loaded_beside_where_there_is_a_second_thread(number: str, loaded: str) -> None:
+    script = (
+        "import sys; from auvident import parallel\n"
+        "parallel.load_beside('no.such.module'); parallel.load_beside('colorsys')\n"
+        "parallel._pool().shutdown(); print('colorsys' in sys.modules)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script],
+        check=True, capture_output=True, text=True, env={**os.environ, parallel.VARIABLE: number},
+    )  # fmt: skip
+    assert done.stdout.strip() == loaded

@@ -156,7 +156,7 @@ def quadratic_step(
     multipliers : (k,) array
         Of the tangents, at least zero.
     """
-    # rarely needed, and a quarter of a second to import
+    # not needed to identify where no constraint is near, and a quarter of a second to import
     from scipy.linalg import cholesky, solve_triangular
     from scipy.optimize import nnls
 

@@ -21,6 +21,7 @@ Array = npt.NDArray[Any]
 # types by their names in Arrow
 DTYPES = {"double": np.float64, "int64": np.int64}
 FLAG, MAY_MISS = "bool", "double"
+UNPAIRED = "backslashreplace"  # as in JSON: bytes of a name that are no UTF-8
 
 
 def read_columns(path: Path) -> Columns:
@@ -99,9 +100,9 @@ def _texts(values: Array) -> "pa.Array":
 
     values = values.astype(np.str_)
     texts, lengths = values.tolist(), np.char.str_len(values)
-    content = "".join(texts).encode(errors="backslashreplace")
+    content = "".join(texts).encode(errors=UNPAIRED)
     if len(content) != lengths.sum():  # not of one byte a letter
-        lengths = np.array([len(text.encode(errors="backslashreplace")) for text in texts])
+        lengths = np.array([len(text.encode(errors=UNPAIRED)) for text in texts])
     ends = np.concatenate([np.zeros(1, np.int64), np.cumsum(lengths, dtype=np.int64)])
     buffers = [None, pa.py_buffer(ends), pa.py_buffer(content)]
     return pa.Array.from_buffers(pa.large_string(), len(texts), buffers)

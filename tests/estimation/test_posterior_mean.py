@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from scipy.linalg import qr
 
 from auvident.estimation.output_error import fit
-from auvident.estimation.posterior_mean import FARTHEST, move_to_mean
+from auvident.estimation.posterior_mean import FARTHEST, _basis_of, move_to_mean
 
 PRIOR = np.array([12.0, -8.0, 6.0, 9.0, -10.0, 7.0])  # means, in prior standard deviations
 N, SHARP = len(PRIOR), 1e-3
@@ -129,3 +130,12 @@ def test_no_move_is_longer_than_the_expansion_can_tell() -> None:
     move = move_to_mean(steep, np.eye(1), [0])
     assert abs(move[0]) == pytest.approx(FARTHEST, rel=0.01)
     assert move[0] < 0.0
+
+
+@pytest.mark.parametrize("count", [1, 4, 9])
+def test_the_basis_of_a_space_is_that_of_a_pivoted_decomposition(count: int) -> None:
+    drawn = np.random.default_rng(count).normal(size=(12, count))
+    space = np.linalg.qr(drawn)[0]
+    projection = space @ space.T
+    expected = qr(projection, pivoting=True)[0][:, :count]
+    assert _basis_of(projection, count) == pytest.approx(expected, abs=1e-12)
