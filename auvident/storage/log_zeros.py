@@ -35,8 +35,10 @@ def zeros_between(time_s: np.ndarray, columns: Sequence[np.ndarray]) -> np.ndarr
     """
     none = np.zeros(time_s.size, dtype=bool)
     zero = np.logical_and.reduce([x == 0.0 for x in columns])
-    readings = np.flatnonzero(~zero & np.any(np.isfinite(columns), axis=0))
-    if readings.size < LEAST_READINGS or not zero.any():
+    if not zero.any():
+        return none
+    readings = np.flatnonzero(~zero & np.logical_or.reduce([np.isfinite(x) for x in columns]))
+    if readings.size < LEAST_READINGS:
         return none
     apart = np.diff(time_s[readings])
     usual = float(np.median(apart))

@@ -348,7 +348,9 @@ def _sensor(
         valid &= ~false
     names = [column.name for column in columns.values()]
     zeros = np.zeros_like(valid)
-    zeros[valid] = zeros_between(time_s[valid], [table.columns[name][valid] for name in names])
+    zeros[valid] = zeros_between(
+        _chosen(time_s, valid), [_chosen(table.columns[name], valid) for name in names]
+    )
     if zeros.any():
         _note(dropped, dropped_rows, ZEROS, table.rows[zeros])
         remarks += (zeros_told(sensor, log.where, names, zeros),)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from auvident.stages.ingest.polled import Share, copied_inputs, sampled_inputs, share_before
+from auvident.stages.ingest.polled import Share, asked_of, copied_inputs, sampled_inputs, share_before
 
 STEP_S, PERIOD_S, LAST_S = 0.005, 0.2, 600.0
 DRAG = 0.8  # [1/s] of the rate
@@ -90,6 +90,15 @@ def test_what_nobody_answers_to_tells_nothing() -> None:
         assert share_before("rudder_rad", signals | {"r_radps": answer}) is None
     rows, angle = signals["rudder_rad"]
     assert share_before("rudder_rad", signals | {"rudder_rad": (rows, 0.0 * angle)}) is None
+
+
+def test_only_inputs_and_what_answers_to_them_are_looked_at() -> None:
+    signals = copied(busy(signals_of(sampled=True))) | {"p_radps": (FINE, 0.0 * FINE)}
+    some = {column: signals[column] for column in asked_of(signals)}
+    assert set(some) == {"rudder_rad", "r_radps", "u_mps"}
+    assert copied_inputs(some).keys() == copied_inputs(signals).keys() == {"rudder_rad"}
+    assert share_before("rudder_rad", some) == share_before("rudder_rad", signals)
+    assert asked_of({"p_radps": ()}) == ()
 
 
 def test_a_share_has_to_be_large_sure_and_possible() -> None:

@@ -18,7 +18,7 @@ A log of more rows than samples copies each sample into the rows that follow. Wh
 command or copy a sample tells the answer likewise, at the first row of each.
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -40,6 +40,7 @@ LAGS = (-2, -1, 0, 1, 2, 3)  # [rows] h(-2) is what is no answer
 SINGULAR = 1e10  # condition, from which on the steps do not tell their answers apart
 # rate or velocity that answers to an input
 ANSWERS = {"rudder_rad": "r_radps", "elevator_rad": "q_radps", "rpm": "u_mps"}
+SPEED = "u_mps"  # that tells whether the vehicle is under way
 Signals = Mapping[str, tuple[np.ndarray, np.ndarray]]  # times and values by column
 
 
@@ -54,6 +55,13 @@ class Share:
     def sampled(self) -> bool:
         """Whether the rows are surely samples."""
         return max(SURE_STDS * self.std, LEAST_SHARE) < self.value < MOST_SHARE
+
+
+def asked_of(columns: Collection[str]) -> tuple[str, ...]:
+    """Those of some columns that `sampled_inputs` looks at: inputs, and what answers to them."""
+    inputs = [column for column in ANSWERS if column in columns]
+    asked = (*inputs, *(ANSWERS[column] for column in inputs), *([SPEED] if inputs else []))
+    return tuple(column for column in dict.fromkeys(asked) if column in columns)
 
 
 def sampled_inputs(signals: Signals, passage_s: float) -> tuple[str, ...]:
@@ -101,7 +109,7 @@ def share_before(column: str, signals: Signals) -> Share | None:
     signals : mapping
         Times [s] in ascending order and values of all channels by column, as logged.
     """
-    needed = (column, ANSWERS[column], "u_mps")
+    needed = (column, ANSWERS[column], SPEED)
     if any(name not in signals or signals[name][0].size < LEAST_ROWS for name in needed):
         return None
     (time, values), (seen_s, seen), (u_s, u) = (signals[name] for name in needed)

@@ -25,7 +25,7 @@ from auvident.stages.ingest.clean import CleanSensor, Series, clean_trial
 from auvident.stages.ingest.derived import with_derived
 from auvident.stages.ingest.dvl_roll import without_roll
 from auvident.stages.ingest.pace import pace_of
-from auvident.stages.ingest.polled import copied_inputs, sampled_inputs
+from auvident.stages.ingest.polled import asked_of, copied_inputs, sampled_inputs
 from auvident.stages.ingest.quality import report, silent_inputs
 from auvident.stages.ingest.resample import (
     Grid,
@@ -103,11 +103,7 @@ def ingest(
     sensors = clean_trial(raw, vehicle, needed)
     sensors, done = without_roll(sensors, vehicle.dvl, max_gap_s)
     _refuse_too_slow(sensors, needed)
-    signals = {c: (s.time_s, s.values) for c, s, _ in _series(sensors)}
-    once = copied_inputs(signals)
-    signals |= {c: (signals[c][0][rows], signals[c][1][rows]) for c, rows in once.items()}
-    sampled = sampled_inputs(signals, pace_of(raw.sensors, vehicle).passage_s)
-    copied = {c: rows for c, rows in once.items() if c in sampled}
+    copied, sampled = _sampled(sensors, pace_of(raw.sensors, vehicle).passage_s)
     sensors = {name: _without_copies(k, copied) for name, k in sensors.items()}
     plans = {c: _plan(s, k, rate_hz, max_gap_s, c in sampled) for c, s, k in _series(sensors)}
     grid = _common_grid(raw, plans, needed, rate_hz)
@@ -141,6 +137,21 @@ def _perhaps_on_change(error: InputError, silent: Collection[str]) -> InputError
 def _series(sensors: dict[str, CleanSensor]) -> list[tuple[str, Series, CleanSensor]]:
     found = {c: (c, s, k) for k in sensors.values() for c, s in k.series.items()}
     return [found[c.column] for c in CHANNELS if c.column in found]
+
+
+def _sampled(
+    sensors: dict[str, CleanSensor], passage_s: float
+) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
+    """Inputs of which the rows are samples; of those that are copied, which rows hold one.
+
+    What they are asked of is a copy of the channels, and gone afterwards: a day is long.
+    """
+    series = {c: s for c, s, _ in _series(sensors)}
+    signals = {c: (series[c].time_s, series[c].values) for c in asked_of(series)}
+    once = copied_inputs(signals)
+    signals |= {c: (signals[c][0][rows], signals[c][1][rows]) for c, rows in once.items()}
+    sampled = sampled_inputs(signals, passage_s)
+    return {c: rows for c, rows in once.items() if c in sampled}, sampled
 
 
 def _without_copies(sensor: CleanSensor, copied: Mapping[str, np.ndarray]) -> CleanSensor:
