@@ -3,7 +3,13 @@
 import numpy as np
 import pytest
 
-from auvident.stages.ingest.polled import Share, asked_of, copied_inputs, sampled_inputs, share_before
+from auvident.stages.ingest.polled import (
+    Share,
+    asked_of,
+    copied_inputs,
+    sampled_inputs,
+    share_before,
+)
 
 STEP_S, PERIOD_S, LAST_S = 0.005, 0.2, 600.0
 DRAG = 0.8  # [1/s] of the rate
