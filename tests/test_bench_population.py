@@ -25,6 +25,7 @@ from tests.bench.population_score import (
 )
 from tests.bench.population_trial import (
     CHANNELS,
+    PASSED,
     band_coverage,
     chain,
     from_the_bow,
@@ -107,7 +108,7 @@ def test_outcomes_of_the_other_half_are_not_scored(half, tmp_path, capsys):
 def test_trials_of_the_same_program_are_not_sailed_again(tmp_path, monkeypatch, capsys):
     sailed = []
 
-    def outcome(seed, short, until, plane, planted=None):
+    def outcome(seed, short, until, plane, planted=None, shown=()):
         sailed.append(seed)
         return outcome_with(seed)
 
@@ -384,6 +385,23 @@ def test_trials_with_an_effect_that_is_asked_for_are_others():
     assert key_of(4, True, "refine") != key_of(4, True, "refine", planted=drift)
     found = outcome(4, until="refine", planted=drift, run=refused)
     assert found["case"]["planted"] == ["current_drift"] and found["case"]["kind"] == "single"
+
+
+@pytest.mark.parametrize("shows", [True, False])
+def test_of_planted_effects_those_that_show_may_be_looked_at_alone(shows, monkeypatch):
+    """Judged by the generator before the program sees anything of it."""
+
+    def refused(stage: str, *_: object, **more: object) -> None:
+        raise InputError(stage)
+
+    told = {"gyro_bias": {"visible": shows}}
+    monkeypatch.setattr("seatrial.population.visible.visibility", lambda *_: told)
+    planted, ways = ("gyro_bias",), {"until": "ingest", "planted": ("gyro_bias",)}
+    found = outcome(4, **ways, shown=("single",), run=refused)
+    assert found["case"]["key"] == key_of(4, True, "ingest", planted=planted, shown=("single",))
+    assert found["case"]["key"] != key_of(4, True, "ingest", planted=planted)
+    assert found["stage"] == ("ingest" if shows else PASSED)
+    assert outcome(4, **ways, shown=("pair",), run=refused)["stage"] == PASSED
 
 
 def test_a_name_that_is_the_vehicles_own_is_no_false_alarm():

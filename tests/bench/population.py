@@ -21,7 +21,9 @@ from tests.bench.halves import measured, options_of, seeds
 from tests.bench.population_bars import bars
 from tests.bench.population_healthy import healthy_tables
 from tests.bench.population_score import is_wrong, scored, tables
-from tests.bench.population_trial import CHANNELS, WANTED, key_of, outcome
+from tests.bench.population_trial import CHANNELS, PASSED, WANTED, key_of, outcome
+
+SHOWN = "only trials of this kind in which what is planted shows by the generator's rule"
 
 Outcome = dict[str, Any]
 Show = Callable[[str, list[dict[str, Any]]], None]
@@ -35,13 +37,16 @@ def main(arguments: list[str], show: Show) -> None:
     wanted = seeds(options.first, options.count, options.half)
     short, plane = not options.long, options.plane
     planted = () if options.clean else tuple(options.planted) or None
+    shown = tuple(options.shown)
+    ways = {"short": short, "until": options.until, "plane": plane}
+    ways |= {"planted": planted, "shown": shown}
     if options.score is not None:
         kept = read_outcomes(options.score, with_bugs=True)
     else:
-        sailed = partial(outcome, short=short, until=options.until, plane=plane, planted=planted)
-        kept = sail(wanted, sailed, options.workers, options.resume)
-    keys = [key_of(seed, short, options.until, plane, planted) for seed in wanted]
-    scores = [scored(kept[key]) for key in keys if key in kept]
+        kept = sail(wanted, partial(outcome, **ways), options.workers, options.resume)
+    keys = [key_of(seed, **ways) for seed in wanted]
+    keys = [key for key in keys if key in kept and kept[key].get("stage") != PASSED]
+    scores = [scored(kept[key]) for key in keys]
     trials = [s for s in scores if s.failed_at != GENERATOR]
     whole = options.until == WANTED[-1]
     found = {"bars": bars(trials)} if whole else {}
@@ -53,11 +58,11 @@ def main(arguments: list[str], show: Show) -> None:
         if rows:
             show(f"{title} ({options.half}, {len(trials)} trials)", rows)
     if options.write:
-        every = [kept[key] for key in keys if key in kept]
+        every = [kept[key] for key in keys]
         done = [one for one in every if one.get("stage") != GENERATOR]
-        ways = ["population", *([plane] if plane != "horizontal" else []), *options.planted]
-        ways += ["clean"] * options.clean
-        written.write("-".join(ways), measured(done, options.half), without_empty(found))
+        parts = ["population", *([plane] if plane != "horizontal" else []), *options.planted]
+        parts += ["clean"] * options.clean + [f"shown-{kind}" for kind in shown]
+        written.write("-".join(parts), measured(done, options.half), without_empty(found))
 
 
 def without_empty(found: dict[str, Any]) -> dict[str, Any]:
@@ -85,6 +90,8 @@ def sail(
 
 def _tell(found: Outcome, number: str, left_s: float) -> None:
     """One line about a trial that is done."""
+    if found.get("stage") == PASSED:
+        return
     s = scored(found)
     whole = found.get("comparison") is not None
     said = f"{s.loop.verdict} {' '.join(s.loop.named)}" if whole else ""
@@ -103,6 +110,7 @@ def _options(arguments: list[str]) -> argparse.Namespace:
     parser.add_argument("--plane", choices=CHANNELS, default="horizontal", help="of the maneuvers")
     parser.add_argument("--planted", nargs="+", default=[], help="effects, in place of drawn ones")
     parser.add_argument("--clean", action="store_true", help="nothing is planted in any of them")
+    parser.add_argument("--shown", nargs="+", default=[], choices=("single", "pair"), help=SHOWN)
     parser.add_argument("--long", action="store_true", help="logs of 10 to 60 minutes")
     parser.add_argument("--score", type=Path, help="sail nothing, score the outcomes in a file")
     parser.add_argument("--json", type=Path, help="file for the tables")

@@ -34,6 +34,7 @@ from tests.engines.chain import SAMPLES
 if str(SAMPLES) not in sys.path:
     sys.path.insert(0, str(SAMPLES))
 
+PASSED = "passed"  # in place of a stage, where a trial is none of those that are looked at
 LONGEST_S = 1500  # of one trial; a program that has not ended by then has failed
 WAITING = 10  # a machine that does other work as well is no hang
 OVERLAP = 0.5  # of the true maneuver, from which a found one of its kind is that maneuver
@@ -55,31 +56,38 @@ def outcome(
     until: str = WANTED[-1],
     plane: str = "horizontal",
     planted: tuple[str, ...] | None = None,
+    shown: tuple[str, ...] = (),
     run: Callable[..., Any] = run_stage,
 ) -> Outcome:
     """What the program says of a trial; a refusal is an outcome, and so is a bug.
 
     With `until` the chain ends behind that stage, and the effects are not looked at. `planted`
-    takes the place of what is drawn.
+    takes the place of what is drawn. Of `shown` kinds the program sees those trials alone in which
+    all that is planted shows by the rule of the generator; the others are `PASSED`.
     """
     from seatrial.population import draw
 
-    key = key_of(seed, short, until, plane, planted)
+    key = key_of(seed, short, until, plane, planted, shown)
     began, found = perf_counter(), _case(seed, key, "none", ())
     with tempfile.TemporaryDirectory(prefix="auvident-population-") as name:
         folder = Path(name)
         try:
             drawn = draw(seed, short, planted, plane=plane)
             found = _case(seed, key, drawn.kind, tuple(drawn.planted))
+            if shown and drawn.kind not in shown:
+                return {**found, "stage": PASSED}
             sailed = drawn.sail()
+            judged = _judged_by_rule(drawn, sailed) if shown or until == WANTED[-1] else {}
+            if shown and not all(v["visible"] for v in judged["visible"].values()):
+                return {**found, "stage": PASSED}
             drawn.write(sailed, folder / "trial", folder / "vehicle.toml")
             truth = drawn.truth(sailed)
             planted = [asdict(p) for p in planted_of(truth, drawn.vehicle)]
             if "attitude" in drawn.equipment.missing:
                 planted = [from_the_bow(p, float(sailed.record[0, HEADING])) for p in planted]
             found["truth"] = {**truth, "planted": planted}
-            if until == WANTED[-1]:
-                found |= _judged_by_rule(drawn, sailed)
+            found |= judged
+            if judged:
                 found["truth"]["planted"] = [_with_size(p, found["sudden"]) for p in planted]
         except Exception:
             return {**found, "stage": GENERATOR, "error": traceback.format_exc()}
@@ -107,10 +115,11 @@ def key_of(
     until: str,
     plane: str = "horizontal",
     planted: tuple[str, ...] | None = None,
+    shown: tuple[str, ...] = (),
 ) -> str:
     """Name of a trial in the file of outcomes."""
     ways = {plane: plane != "horizontal", "long": not short, until: until != WANTED[-1]}
-    ways["clean"] = planted == ()
+    ways |= {"clean": planted == (), "shown": bool(shown)}
     return "-".join([str(seed), *(way for way, told in ways.items() if told), *(planted or ())])
 
 
