@@ -402,6 +402,14 @@ def test_of_planted_effects_those_that_show_may_be_looked_at_alone(shows, monkey
     assert found["case"]["key"] != key_of(4, True, "ingest", planted=planted)
     assert found["stage"] == ("ingest" if shows else PASSED)
     assert outcome(4, **ways, shown=("pair",), run=refused)["stage"] == PASSED
+    assert outcome(40032, until="ingest", shown=("single",), run=refused)["stage"] == PASSED
+
+
+@pytest.mark.parametrize("seed", [40000, 40010, 40032])
+def test_the_kind_of_a_trial_is_known_before_its_vehicle(seed):
+    from seatrial.population import draw, kind_of
+
+    assert kind_of(seed) == draw(seed).kind
 
 
 def test_a_name_that_is_the_vehicles_own_is_no_false_alarm():

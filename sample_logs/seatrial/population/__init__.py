@@ -7,7 +7,7 @@ Even seeds are for choosing thresholds, odd seeds for reporting: a figure that w
 something was tuned says nothing about vehicles not seen. `half_of` tells them apart.
 """
 
-from seatrial.population.drawn import CLASSES, Drawn, draw, half_of
+from seatrial.population.drawn import CLASSES, Drawn, draw, half_of, kind_of
 from seatrial.population.form import Refused, Size
 
-__all__ = ["CLASSES", "Drawn", "Refused", "Size", "draw", "half_of"]
+__all__ = ["CLASSES", "Drawn", "Refused", "Size", "draw", "half_of", "kind_of"]

@@ -292,6 +292,11 @@ def thrust_at_speed(vehicle: Vehicle, size: Size) -> float:
     return float(thrust)
 
 
+def kind_of(seed: int, plane: str = "horizontal") -> str:
+    """Kind of a trial, without its vehicle: what is planted is drawn from a stream of its own."""
+    return draw_names(stream(seed, "population effects"), plane)[0]
+
+
 def draw_names(rng: np.random.Generator, plane: str = "horizontal") -> tuple[str, tuple[str, ...]]:
     """Kind of the trial and the effects planted in it."""
     kinds = KINDS_OF[plane]
