@@ -13,7 +13,7 @@ from auvident.storage.artifacts import read_json
 from auvident.storage.run_directory import RunDirectory
 
 if TYPE_CHECKING:
-    from auvident.report.html import Drawn
+    from auvident.report.html import Drawn, Figures
     from auvident.report.html_data import ReportData
     from auvident.schema.artifacts import IdentifiedModel, Maneuvers, TrialPlan
     from auvident.schema.combined import CombinedModel
@@ -34,12 +34,28 @@ def report_data(given: Given, plans: bool = True) -> "ReportData":
     return replace(first, others=tuple(map(_own, others)), whole=_whole(given))
 
 
-def figures_of_run(path: Path, also: frozenset[str], planes: tuple[Plane, ...]) -> "Drawn":
+def figures_of_trials(path: Path) -> "Figures":
+    """The figures of a report that rest on no model, by a process that knows the run directory."""
+    from auvident.report.html import draw_trials
+    from auvident.report.html_data import ReportData
+
+    run = RunDirectory(path)
+    given = Given(run, run.manifest())
+    return draw_trials(ReportData(trials=given.trials, maneuvers=_maneuvers(given)))
+
+
+def figures_of_run(
+    path: Path,
+    also: frozenset[str],
+    planes: tuple[Plane, ...],
+    trials: "Figures | None" = None,
+) -> "Drawn":
     """The figures of a report, by a process that knows where the run directory is."""
     from auvident.report.html import draw
 
     run = RunDirectory(path)
-    return draw(report_data(Given(run, run.manifest(), also=also, planes=planes), plans=False))
+    data = report_data(Given(run, run.manifest(), also=also, planes=planes), plans=False)
+    return draw(data, trials=trials)
 
 
 def _whole(given: Given) -> "CombinedModel | None":

@@ -15,6 +15,8 @@ from auvident.pipeline.helper import helping
 from auvident.pipeline.observer import Observer
 from auvident.pipeline.planes import asked_for, planes_of
 from auvident.pipeline.remedies import command_of
+from auvident.pipeline.reporting import figures_of_trials
+from auvident.pipeline.steps import TRIALS_DRAWN
 from auvident.pipeline.table import BY_NAME, STAGES, Outputs, Stage, before
 from auvident.schema.manifest import Manifest
 from auvident.schema.places import beside
@@ -148,7 +150,7 @@ class _Progress:
     """How far `run_all` has got through the stages.
 
     ``pending`` is a stage that the helper works on while the next one, which does not rest on it,
-    is done here.
+    is done here; ``is_reported`` tells whether the run ends with a report.
     """
 
     given: Given
@@ -157,9 +159,11 @@ class _Progress:
     result: RunResult
     planes: Sequence[Plane]
     pending: tuple[Execution, Callable[[], Executed]] | None = None
+    is_reported: bool = False
 
     def through(self, stages: Sequence[Stage]) -> None:
         """Run the stages that are not up to date, in their order."""
+        self.is_reported = BY_NAME["report"] in stages
         for stage, following in zip_longest(stages, stages[1:]):
             if self.pending and _rests_on(stage, self.pending[0].stage):
                 self._settle()
@@ -212,6 +216,9 @@ class _Progress:
         if execution.stage.after or not helper.is_beside:
             if execution.stage.name == "identify":
                 helper.begin(load, OF_REPORT)
+            elif execution.stage.name == "refine" and helper.is_beside and self.is_reported:
+                drawn = helper.begin(figures_of_trials, execution.given.run.path)
+                execution.given.kept[TRIALS_DRAWN] = drawn
             return execution.here()
         made = execution.beside()
         load(OF_STAGES)

@@ -3,13 +3,14 @@
 Imports stand inside for speed: a command loads only what it uses.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from auvident.parallel import load_beside
+from auvident.pipeline.flights import Flights
 from auvident.pipeline.given import Given
 from auvident.pipeline.observer import Observer
 
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from auvident.schema.artifacts import IdentifiedModel
-    from auvident.schema.desk import StandardManeuvers
     from auvident.schema.diagnosis import Attempt, Comparison, UnexplainedForce
     from auvident.schema.plan import Plan
     from auvident.schema.planes import Plane
@@ -38,6 +38,8 @@ NOT_ALONG = (
 DEFAULT_PLAN = "refined"
 LEAST_UNDER_WAY_MPS = 0.3  # slower samples do not belong to a run at speed
 PREDICTED = "prediction and standard maneuvers of the identified model"
+# figures of the trials, which the helper draws while the model is refined
+TRIALS_DRAWN = ("figures of the trials", None)
 # of a prediction, while the diagnosis runs: that of an hour at 10 Hz has 10 MB
 MOST_KEPT_BYTES = 2**26
 
@@ -151,7 +153,7 @@ def validate(given: Given) -> dict[str, Any]:
     """Re-simulate the maneuvers with the identified model and with the estimate."""
     announce_compilation(given.observer)
     result = _predicted(given)
-    standard = _standard(given, given.model, result)
+    standard = Flights(given).of(given.model, result)
     if result.simulation.memory_usage().sum() <= MOST_KEPT_BYTES:
         given.kept[PREDICTED, given.plane] = result, standard
     return {
@@ -166,15 +168,6 @@ def _predicted(given: Given) -> "Validation":
     from auvident.stages.validate import validate as predict_again
 
     return predict_again(given.trials, given.maneuvers, given.model, estimated=given.ase.applies)
-
-
-def _standard(given: Given, model: "IdentifiedModel", found: "Validation") -> "StandardManeuvers":
-    """The standard maneuvers of the field, flown with a model."""
-    from auvident.stages.desk import standard_maneuvers
-
-    return standard_maneuvers(
-        model, given.ase.speed_mps, found.simulation, is_ship=given.vehicle.is_ship
-    )
 
 
 # --- diagnose, refine ---------------------------------------------------------------------
@@ -240,15 +233,19 @@ class _Refined:
 
 def refine(given: Given) -> dict[str, Any]:
     """Add the traced effects, identify again, compare the errors of what was held out."""
+    from auvident.stages.desk import greatest_laid_deg
+
     filter = given.options["filter"] or given.model.filter
     announce_compilation(given.observer, filter)
     kept, standard = given.kept.pop((PREDICTED, given.plane), (None, None))
     history = given.table("identify/history.parquet")
     before = _Refined(given.model, history, kept or _predicted(given))
-    carried, named, tried = _with_effects(given, filter, before)
+    flights = Flights(given, greatest_laid_deg(before.prediction.simulation))
+    again = partial(_identified_again, given, filter, flights)
+    carried, named, tried = _with_effects(given, filter, before, again)
     final, force = named, None
     if given.options.get("with_unexplained"):
-        final, force = _with_force(given, filter, carried, named)
+        final, force = _with_force(given, carried, named, again)
     comparison = _compared(given, before, named, final, tried, force)
     return {
         "refine/model.json": final.model,
@@ -257,13 +254,13 @@ def refine(given: Given) -> dict[str, Any]:
         "refine/simulation.parquet": final.prediction.simulation,
         "refine/metrics.json": final.prediction.metrics,
         "refine/standard.json": (final is before and standard)
-        or _standard(given, final.model, final.prediction),
+        or flights.of(final.model, final.prediction),
         **_estimated_along(given, filter, comparison, final.model, final.prediction),
     }
 
 
 def _with_effects(
-    given: Given, filter: str, before: _Refined
+    given: Given, filter: str, before: _Refined, again: "Callable[[Any], _Again]"
 ) -> "tuple[Any, _Refined, tuple[Attempt, ...]]":
     """What is carried and the model with it, the one before where that predicts better; attempts.
 
@@ -272,7 +269,6 @@ def _with_effects(
     from auvident.stages.refine import carried_of, choose
 
     found, small = carried_of(given.diagnosis), _small_effects(given, before)
-    again = partial(_identified_again, given, filter)
     made, tried = choose(found, given.model, before.prediction, again, small)
     if made is not None:
         return made.carried, _refined(made.found, before), tried
@@ -364,7 +360,7 @@ def _from_here(plan: "Plan") -> "Plan":
 
 
 def _with_force(
-    given: Given, filter: str, carried: Any, named: _Refined
+    given: Given, carried: Any, named: _Refined, again: "Callable[[Any], _Again]"
 ) -> "tuple[_Refined, UnexplainedForce]":
     """The model with a force without a name beside what it carries, if that predicts better."""
     from auvident.stages.refine import Base, with_unexplained
@@ -372,7 +368,7 @@ def _with_force(
     nuisance = identifying_plan(given).nuisance
     made, force = with_unexplained(
         Base.of(carried, nuisance, named.model, named.prediction),
-        lambda c: _identified_again(given, filter, c),
+        again,
         given.maneuvers,
         heading=any(t.has_heading for t in given.trials),
         seed=given.seed or 0,
@@ -380,11 +376,12 @@ def _with_force(
     return _refined(made.found if made else None, named), force
 
 
-def _identified_again(given: Given, filter: str, carried: Any) -> "_Again":
+def _identified_again(given: Given, filter: str, flights: Flights, carried: Any) -> "_Again":
     """Identify with what was found, and predict."""
     from auvident.stages.validate import validate as predict_again
 
     result = _identified_with(given, filter, carried)
+    flights.begin(result.model)
     return result, predict_again(
         given.trials, given.maneuvers, result.model, estimated=given.ase.applies
     )
@@ -443,7 +440,9 @@ def report(given: Given) -> dict[str, Any]:
     from auvident.pipeline.reporting import figures_of_run, report_data
     from auvident.report.html import render
 
-    drawn = given.helper.begin(figures_of_run, given.run.path, given.also, given.planes)
+    early = given.kept.pop(TRIALS_DRAWN, None)
+    order = given.run.path, given.also, given.planes, early and early()
+    drawn = given.helper.begin(figures_of_run, *order)
     data = report_data(given)
     if given.helper.is_beside:
         _ = [view.plan for view in data.planes]  # while the other process draws

@@ -60,7 +60,7 @@ class Drawn:
     planes: Sequence[Figures]
 
 
-def draw(report: ReportData, live: bool = False) -> Drawn:
+def draw(report: ReportData, live: bool = False, trials: Figures | None = None) -> Drawn:
     """All figures of a page; they do not show what to fly next.
 
     Parameters
@@ -68,12 +68,22 @@ def draw(report: ReportData, live: bool = False) -> Drawn:
     report : ReportData
     live : bool
         Whether they are drawn by plotly in the browser, to hover and zoom.
+    trials : mapping, optional
+        Those of the trials, by `draw_trials`; else they are drawn now.
     """
     from auvident.report.figures import style
 
+    trials = trials or draw_trials(report, live)
     with style(live):
-        trials = {"timelines": _safe(_timelines(report)), "tracks": _safe(_tracks(report))}
         return Drawn(trials, [_figures(data) for data in report.planes])
+
+
+def draw_trials(report: ReportData, live: bool = False) -> Figures:
+    """The figures of a page that need no more than the trials and their maneuvers."""
+    from auvident.report.figures import style
+
+    with style(live):
+        return {"timelines": _safe(_timelines(report)), "tracks": _safe(_tracks(report))}
 
 
 def render(report: ReportData, live: bool = False, drawn: Drawn | None = None) -> str:

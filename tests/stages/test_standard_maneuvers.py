@@ -50,9 +50,8 @@ def test_a_run_has_them_of_its_model(completed: Path) -> None:
     kept = read_model(run / "validate/standard.json", StandardManeuvers, "")
     names = [m.maneuver for m in kept.maneuvers]
     assert names == ["turning-circle", "zigzag", "zigzag"] and not kept.findings
-    again = standard_maneuvers(
-        given.model, given.ase.speed_mps, given.table("validate/simulation.parquet")
-    )
+    laid_deg = greatest_laid_deg(given.table("validate/simulation.parquet"))
+    again = standard_maneuvers(given.model, given.ase.speed_mps, laid_deg)
     assert again == kept
     for result in kept.maneuvers:
         for figure in result.figures:
@@ -68,7 +67,7 @@ def test_a_maneuver_that_cannot_be_flown_is_said(completed: Path) -> None:
         c.model_copy(update={"value": 0.0}) if c.symbol.endswith("_uud") else c
         for c in model.coefficients
     )
-    found = standard_maneuvers(model.model_copy(update={"coefficients": dead}), 1.5, laid(10.0))
+    found = standard_maneuvers(model.model_copy(update={"coefficients": dead}), 1.5, 10.0)
     assert found.maneuvers == ()
     assert {f.code for f in found.findings} == {"standard-not-flown"}
     assert [f.where for f in found.findings] == ["turning-circle:10", "zigzag:10/10"]

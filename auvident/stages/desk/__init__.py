@@ -7,7 +7,7 @@ from auvident.stages.desk.models import (
     identified_models,
 )
 from auvident.stages.desk.stage import Approach, Desk, fly_maneuver
-from auvident.stages.desk.standard import standard_maneuvers
+from auvident.stages.desk.standard import greatest_laid_deg, standard_maneuvers
 
 __all__ = [
     "Approach",
@@ -16,6 +16,7 @@ __all__ = [
     "combined_models",
     "estimated_models",
     "fly_maneuver",
+    "greatest_laid_deg",
     "identified_models",
     "standard_maneuvers",
 ]

@@ -26,9 +26,9 @@ SWINGS: dict[Plane, tuple[tuple[str, float, float], ...]] = {
 def standard_maneuvers(
     model: IdentifiedModel,
     speed_mps: float,
-    simulation: pd.DataFrame,
-    *,
+    laid_deg: float,
     is_ship: bool = False,
+    *,
     seed: int = 0,
 ) -> StandardManeuvers:
     """Fly the turning circle and the zigzags that ITTC and IMO ask for.
@@ -38,8 +38,8 @@ def standard_maneuvers(
     model : IdentifiedModel
     speed_mps : float
         Of the approach.
-    simulation : pandas.DataFrame
-        As `validate` writes it, for the angles that the fin was laid to.
+    laid_deg : float
+        Greatest angle that the fin was laid to, by `greatest_laid_deg`.
     is_ship : bool
         Whether the criteria of ships apply, whose rudder is laid to 35 deg wherever it was.
     seed : int
@@ -50,11 +50,10 @@ def standard_maneuvers(
     StandardManeuvers
         With a finding for each that the model cannot fly.
     """
-    laid = greatest_laid_deg(simulation)
     models = identified_models(model, "model.json", SAMPLES, np.random.default_rng(seed))
     flown: list[DeskResult] = []
     findings: list[Finding] = []
-    for order in orders_of(model.plane, laid, is_ship):
+    for order in orders_of(model.plane, laid_deg, is_ship):
         try:
             result = fly_maneuver(models, order, Approach(usual_speed_mps=speed_mps)).result
         except (InputError, NumericsError) as error:
@@ -66,14 +65,17 @@ def standard_maneuvers(
     return StandardManeuvers(
         vehicle=model.vehicle,
         plane=model.plane,
-        greatest_laid_deg=laid,
+        greatest_laid_deg=laid_deg,
         maneuvers=tuple(flown),
         findings=tuple(findings),
     )
 
 
 def greatest_laid_deg(simulation: pd.DataFrame) -> float:
-    """Greatest angle of the fin in the maneuvers that identify [deg], but for single samples."""
+    """Greatest angle of the fin in the maneuvers that identify [deg], but for single samples.
+
+    By the simulation as `validate` writes it, which has the angles as they were logged.
+    """
     angles = simulation.loc[simulation["role"] == "identify", "control_rad"].abs().dropna()
     return float(np.degrees(angles.quantile(LAID_SHARE))) if len(angles) else 0.0
 
