@@ -379,12 +379,12 @@ def _factor(log: LogFile, name: str, channel: Channel, unit: str | None) -> floa
             log.where,
             f"State its unit in a map (--map), with scale, what 1 {label} is in that unit: {entry}",
         )
-    problem = "has no unit" if unit is None else f"has the unit {unit}, which does not fit"
-    raise InputError(
-        f"column {name} ({channel.meaning}) {problem}",
-        log.where,
-        f"Name it {names}, or state the unit in a map (--map): {entry_text(channel, name)}",
-    )
+    mapped = f"in a map (--map): {entry_text(channel, name)}"
+    problem, remedy = "has no unit", f"Name it {names}, or state the unit {mapped}"
+    if unit is not None:  # another name alone would have the numbers read in another unit
+        problem = f"has the unit {unit}, which does not fit"
+        remedy = f"Convert its values and name it {names}, or say how to {mapped}"
+    raise InputError(f"column {name} ({channel.meaning}) {problem}", log.where, remedy)
 
 
 def entry_text(channel: Channel, name: str, unit: str | None = None) -> str:

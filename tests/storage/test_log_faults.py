@@ -115,7 +115,7 @@ def test_unit_of_another_dimension(tmp_path):
 
 def test_a_propeller_rate_in_radians_is_told_its_scale(tmp_path):
     path = wide_file(tmp_path, lambda text: text.replace("rpm", "n_radps", 1))
-    refused(path, "n_radps", 'unit = "rpm", scale = 9.549297')
+    refused(path, "n_radps", "Convert its values", 'unit = "rpm", scale = 9.549297')
     with pytest.raises(ValidationError, match=r'rad/s is unit = "rpm", scale = 9.549297'):
         ColumnMap.model_validate({"rpm": {"rpm": {"column": "n_radps", "unit": "rad/s"}}})
 
