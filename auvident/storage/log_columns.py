@@ -371,15 +371,14 @@ def _factor(log: LogFile, name: str, channel: Channel, unit: str | None) -> floa
     stem = channel.quantity if channel.quantity != "rpm" else "n"
     names = " or ".join(f"{stem}_{suffix}" for suffix in allowed)
     label = log.unit_of(name).strip()
+    entry = labelled_entry(channel, name, label)
     if unit is None and label:
-        entry = entry_text(channel, name)
-        entry = entry if "scale" in entry else entry.replace(" }", ", scale = ... }")
         raise InputError(
             f"column {name} ({channel.meaning}) is labelled {label!r}, which is no known unit",
             log.where,
             f"State its unit in a map (--map), with scale, what 1 {label} is in that unit: {entry}",
         )
-    mapped = f"in a map (--map): {entry_text(channel, name)}"
+    mapped = f"in a map (--map): {entry}"
     problem, remedy = "has no unit", f"Name it {names}, or state the unit {mapped}"
     if unit is not None:  # another name alone would have the numbers read in another unit
         problem = f"has the unit {unit}, which does not fit"
@@ -400,6 +399,15 @@ def entry_text(channel: Channel, name: str, unit: str | None = None) -> str:
         scale = f", scale = {RPM_OF_RADPS:.7g}"
     entry = f'{{ column = "{name}", unit = "{fits}"{scale} }}'
     return f"[{channel.sensor}] {channel.quantity} = {entry}"
+
+
+def labelled_entry(channel: Channel, name: str, label: str) -> str:
+    """As `entry_text`, of a column with a label beside it: with a scale where that is no unit."""
+    unit = unit_name(label)
+    entry = entry_text(channel, name, split_unit(name)[1] or unit)
+    if not label or unit is not None or "scale" in entry:
+        return entry
+    return entry.replace(" }", ", scale = ... }")
 
 
 def guess_column(channel: Channel, names: Sequence[str]) -> str | None:
@@ -435,7 +443,10 @@ def _without_instrument(base: str) -> str:
 
 
 def missing_channels(
-    channels: Sequence[Channel], where: str, columns: Mapping[str, Sequence[str]]
+    channels: Sequence[Channel],
+    where: str,
+    columns: Mapping[str, Sequence[str]],
+    labels: Mapping[str, str],
 ) -> InputError:
     """Error for needed channels that no file has, with what was found and a map entry for each.
 
@@ -447,10 +458,12 @@ def missing_channels(
         File or folder that was searched.
     columns : mapping of str to sequence of str
         Columns found, by file name.
+    labels : mapping of str to str
+        What stands beside the names of columns.
     """
     found = "; ".join(f"{file}: {listed(names)}" for file, names in columns.items())
     names = (f"{' or '.join(_log_names(c))} ({c.meaning}) for {c.sensor}" for c in channels)
-    entries = [_likely_entry(c, columns) + _without(c) for c in channels]
+    entries = [_likely_entry(c, columns, labels) + _without(c) for c in channels]
     between, plural = ("\n    ", "s") if len(entries) > 1 else (" ", "")
     return InputError(
         f"no column {', none '.join(names)}; found {found or 'nothing'}",
@@ -461,11 +474,13 @@ def missing_channels(
     )
 
 
-def _likely_entry(channel: Channel, columns: Mapping[str, Sequence[str]]) -> str:
+def _likely_entry(
+    channel: Channel, columns: Mapping[str, Sequence[str]], labels: Mapping[str, str]
+) -> str:
     """Line of a map for a channel that is missing, with the column that it is likely to be."""
     guesses = [(f, _likely_column(channel, names)) for f, names in columns.items()]
     file, name = next(((f, n) for f, n in guesses if n), ("", "your_column"))
-    entry = entry_text(channel, name)
+    entry = labelled_entry(channel, name, labels.get(name, ""))
     return entry.replace("] ", f'] file = "{file}", ', 1) if file else entry
 
 

@@ -235,7 +235,8 @@ def _missing(
             found += [missing_topic(channel, where, labels) for channel in channels]
         else:
             names = {log.label: log.names for log in searched}
-            found.append(missing_channels(channels, where, names))
+            units = {name: log.unit_of(name).strip() for log in searched for name in log.names}
+            found.append(missing_channels(channels, where, names, units))
     return found
 
 

@@ -110,12 +110,15 @@ def test_known_quantity_without_unit(tmp_path, name):
 
 def test_unit_of_another_dimension(tmp_path):
     path = wide_file(tmp_path, lambda text: text.replace("u_mps", "u_deg"))
-    refused(path, "u_deg", "does not fit", "u_mps or u_kn")
+    refused(path, "u_deg", "does not fit", "Convert its values and name it u_mps or u_kn")
 
 
 def test_a_propeller_rate_in_radians_is_told_its_scale(tmp_path):
     path = wide_file(tmp_path, lambda text: text.replace("rpm", "n_radps", 1))
-    refused(path, "n_radps", "Convert its values", 'unit = "rpm", scale = 9.549297')
+    refused(path, "n_radps", 'unit = "rpm", scale = 9.549297')
+    for name in ("n [rad/s]", "rpm_radps"):
+        path = wide_file(tmp_path, lambda text, name=name: text.replace("rpm", name, 1))
+        refused(path, 'unit = "rpm", scale = 9.549297')
     with pytest.raises(ValidationError, match=r'rad/s is unit = "rpm", scale = 9.549297'):
         ColumnMap.model_validate({"rpm": {"rpm": {"column": "n_radps", "unit": "rad/s"}}})
 
