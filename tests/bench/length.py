@@ -1,8 +1,9 @@
 """How the time and memory of the stages grow with the number of maneuvers.
 
-The logs are of six maneuvers each. More of them show more, so that the search may take another
-round: the time of `diagnose` is given by round, and by second of what identifies as well. An
-exponent of 1 is growth in step with the maneuvers.
+The logs are of six maneuvers each, and of each the same two are held out: left to itself the
+program holds out a larger share of few maneuvers. More of them show more, so that the search may
+take another round: the time of `diagnose` is given by round, and by second of what identifies as
+well. An exponent of 1 is growth in step with the maneuvers.
 """
 
 import json
@@ -21,6 +22,7 @@ from tests.engines.chain import SAMPLES
 VEHICLE, SEED = "remus100", 1001  # a seed of development
 KINDS = {"straights": 2, "turns": 4, "zigzags_10": 3, "zigzags_20": 3}  # twelve maneuvers
 SIX = {"straights": 1, "turns": 2, "zigzags_10": 2, "zigzags_20": 1}
+HELD_OUT = ("turn-1", "zigzag-1")  # of each log
 LOGS = (1, 4, 16)
 STAGES_TOLD = ("ingest", "segment", "identify", "diagnose", "refine")
 GROWING = ("ingest_s", "segment_s", "identify_s", "diagnose_a_round_s", "refine_s")
@@ -33,12 +35,15 @@ from pathlib import Path
 from auvident.pipeline import run_stage
 from auvident.pipeline.observer import Observer
 import auvident.stages.ingest, auvident.stages.segment, auvident.storage.log_csv, scipy.linalg
-run, vehicle, *logs = (Path(a) for a in sys.argv[1:])
-first = {"logs": tuple(logs), "vehicle": vehicle}
+held, (run, vehicle, *logs) = sys.argv[1].split(","), (Path(a) for a in sys.argv[2:])
+options = {
+    "ingest": {"logs": tuple(logs), "vehicle": vehicle},
+    "segment": {"hold_out": tuple(f"{log.name}-{which}" for log in logs for which in held)},
+}
 spent = {}
 for stage in ("ingest", "segment", "ase", "identify", "diagnose", "refine"):
     start = time.process_time()
-    run_stage(stage, run, first if stage == "ingest" else None, observer=Observer())
+    run_stage(stage, run, options.get(stage), observer=Observer())
     spent[stage] = time.process_time() - start
 spent["peak_mb"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 print(json.dumps(spent))
@@ -103,7 +108,8 @@ def _sail(log: Path, seed: int) -> float:
 
 
 def _run(logs: Sequence[Path], run: Path) -> dict[str, float]:
-    arguments = [sys.executable, "-c", STAGES, run, SAMPLES / f"{VEHICLE}.toml", *logs]
+    held = ",".join(HELD_OUT)
+    arguments = [sys.executable, "-c", STAGES, held, run, SAMPLES / f"{VEHICLE}.toml", *logs]
     done = subprocess.run([str(a) for a in arguments], check=True, capture_output=True, text=True)
     found: dict[str, float] = json.loads(done.stdout.splitlines()[-1])
     return found
