@@ -247,6 +247,7 @@ def refine(given: Given) -> dict[str, Any]:
     if given.options.get("with_unexplained"):
         final, force = _with_force(given, carried, named, again)
     comparison = _compared(given, before, named, final, tried, force)
+    along = _estimated_along(given, filter, comparison, final.model, final.prediction)
     return {
         "refine/model.json": final.model,
         "refine/comparison.json": comparison,
@@ -255,7 +256,7 @@ def refine(given: Given) -> dict[str, Any]:
         "refine/metrics.json": final.prediction.metrics,
         "refine/standard.json": (final is before and standard)
         or flights.of(final.model, final.prediction),
-        **_estimated_along(given, filter, comparison, final.model, final.prediction),
+        **along,
     }
 
 

@@ -159,7 +159,6 @@ def _predict(
 ) -> pd.DataFrame:
     frame, active = frame_of(model, dt_s), ALL_STATES
     runs = [simulated(frame, draws[0], record, active)]
-    runs += _drawn_runs(model, frame, record, draws[1:], rng)
     if not np.isfinite(runs[0]).all():
         row = int(np.argmin(np.isfinite(runs[0]).all(axis=1)))
         raise NumericsError(
@@ -167,6 +166,7 @@ def _predict(
             f"{record.id}, {record.time_s[row]:.1f} s",
             ran_away_remedy(dt_s),
         )
+    runs += _drawn_runs(model, frame, record, draws[1:], runs[0], rng)
     columns = {TIME_COLUMN: record.time_s}
     own, rpm = INPUT_COLUMNS[model.plane]
     assert record.source is not None
@@ -191,6 +191,7 @@ def _drawn_runs(
     frame: Frame,
     record: Record,
     draws: list[Array],
+    about: Array,
     rng: np.random.Generator,
 ) -> list[Array]:
     """States (n, 4) of the models drawn, pushed along the way where they hardly keep a course."""
@@ -198,7 +199,9 @@ def _drawn_runs(
     if pushes is None:
         return [simulated(frame, p, record, active) for p in draws]
     rows = pushes.rows(record, frame.dt_s)
-    return [simulated_pushed(frame, p, record, rows, pushes.drawn(len(rows), rng)) for p in draws]
+    return [
+        simulated_pushed(frame, p, record, rows, pushes.drawn(len(rows), rng), about) for p in draws
+    ]
 
 
 def _band(

@@ -8,6 +8,8 @@ import pytest
 from auvident.engines.carried import frame_of, free_behind, vector_behind
 from auvident.engines.falling import (
     MEMBERS,
+    MORE_GROWTH,
+    Pushed,
     PushesAlong,
     fallen_models,
     growth_of_push,
@@ -62,18 +64,62 @@ def test_a_push_grows_as_the_simulation_of_it_does() -> None:
     record, rows = amidships(harbour()[2]), np.array([0])
     acting = at_effects(frame, p, record)
     push = np.array([[0.0, 0.0, 1.0e-7, 0.0]])
-    left, without = (simulated_pushed(frame, p, acting, rows, by) for by in (push, 0.0 * push))
+    without = simulated_pushed(frame, p, acting, rows, Pushed.none(1))
+    left = simulated_pushed(frame, p, acting, rows, Pushed(push, np.zeros(4)))
+    rate = growth_per_length(frame, left, without)
+    assert rate == pytest.approx(growth_of_push(frame.structure, p, LENGTH_M), rel=0.02)
+
+
+def growth_per_length(frame: Frame, left: np.ndarray, without: np.ndarray) -> float:
+    """Rate at which a yaw rate leaves that of another course [1/hull length]."""
     away = np.abs(left - without)[:, 2]
     lengths = np.cumsum(without[:, 0]) * frame.dt_s / LENGTH_M
     part = (lengths > 4.0) & (lengths < 8.0)  # the quicker motion has died away
-    rate, _ = np.polyfit(lengths[part], np.log(away[part]), 1)
-    assert rate == pytest.approx(growth_of_push(frame.structure, p, LENGTH_M), rel=0.02)
+    return float(np.polyfit(lengths[part], np.log(away[part]), 1)[0])
+
+
+@pytest.mark.parametrize("more", [-0.05, 0.05])
+def test_what_a_model_is_off_grows_by_so_much_more(more: float) -> None:
+    frame, p = unstable()
+    record = amidships(harbour()[2])
+    acting, rows = at_effects(frame, p, record), NO_PUSH.rows(record, frame.dt_s)
+    without = simulated_pushed(frame, p, acting, rows, Pushed.none(len(rows)))
+    by = np.zeros((len(rows), 4))
+    by[0, 2] = 1.0e-7
+    rates = [
+        growth_per_length(
+            frame,
+            simulated_pushed(frame, p, acting, rows, Pushed(by, share * np.ones(4)), without),
+            without,
+        )
+        for share in (0.0, more)
+    ]
+    assert rates[1] - rates[0] == pytest.approx(np.log1p(more), rel=0.1)
+
+
+def test_a_course_that_was_not_pushed_does_not_leave_itself() -> None:
+    frame, p = unstable()
+    record = amidships(harbour()[2])
+    acting, rows = at_effects(frame, p, record), NO_PUSH.rows(record, frame.dt_s)
+    without = simulated_pushed(frame, p, acting, rows, Pushed.none(len(rows)))
+    still = Pushed(np.zeros((len(rows), 4)), np.ones(4))
+    np.testing.assert_array_equal(simulated_pushed(frame, p, acting, rows, still, without), without)
+
+
+def test_only_the_states_that_are_pushed_grow_more() -> None:
+    rng = np.random.default_rng(4)
+    drawn = [PushesAlong(np.zeros(6), 2.0, (2, 4)).drawn(3, rng) for _ in range(2000)]
+    more = np.array([one.more for one in drawn])
+    assert not more[:, [0, 1, 3, 5]].any()
+    np.testing.assert_array_equal(more[:, 2], more[:, 4])
+    assert np.mean(more[:, 2]) == pytest.approx(MORE_GROWTH[0], abs=0.003)
+    assert np.std(more[:, 2]) == pytest.approx(MORE_GROWTH[1], rel=0.1)
 
 
 def test_without_a_push_the_simulation_is_the_usual_one() -> None:
     frame, p, record = harbour()
     acting, rows = at_effects(frame, p, record), NO_PUSH.rows(record, frame.dt_s)
-    pushed = simulated_pushed(frame, p, acting, rows, np.zeros((len(rows), 4)))
+    pushed = simulated_pushed(frame, p, acting, rows, Pushed.none(len(rows)))
     np.testing.assert_allclose(
         pushed, simulated(frame, p, acting, ALL_STATES), rtol=1e-12, atol=1e-12
     )

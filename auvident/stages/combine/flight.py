@@ -9,7 +9,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from auvident.engines.carried import CURRENTS, OF_THRUST, with_speed
-from auvident.engines.falling import PushesAlong
+from auvident.engines.falling import Pushed, PushesAlong
 from auvident.engines.flown import SPEEDS, beyond, joined, reached_in
 from auvident.engines.prediction import Frame, at_effects, ran_away_remedy
 from auvident.engines.predictive import OF_DRAWS, half_width
@@ -130,7 +130,7 @@ def simulate_whole(
     tables = []
     for number, (start_s, end_s) in enumerate(uninterrupted(trial, INPUT_COLUMNS, window_s)):
         flight = flight_of(model, trial, system, start_s, end_s, speed_mps)
-        runs = _drawn_runs(model, flight, drawn, dt_s, rng)
+        runs = _drawn_runs(model, flight, system, drawn, dt_s, rng)
         table = _predict(flight, trial.name, system, runs, model.band, dt_s)
         table.insert(1, "stretch", number)
         tables.append(table)
@@ -140,19 +140,24 @@ def simulate_whole(
 def _drawn_runs(
     model: CombinedModel,
     flight: Flight,
+    system: SixDofSystem,
     drawn: Sequence[SixDofSystem],
     dt_s: float,
     rng: np.random.Generator,
 ) -> Iterator[Array]:
     """States (n, 13) of the models drawn, pushed along the way where they hardly keep a course."""
     pushed = {name: std for of_plane in model.pushes.values() for name, std in of_plane.items()}
-    pushes = PushesAlong(np.array([pushed.get(name, 0.0) for name in VELOCITIES]), model.length_m)
+    std = np.array([pushed.get(name, 0.0) for name in VELOCITIES])
+    states = tuple(VELOCITIES.index(name) for name in pushed)
+    pushes = PushesAlong(std, model.length_m, states)
     rows = pushes.rows_of(len(flight.inputs), float(flight.start[0]), dt_s)
-    for system in drawn:
+    about = simulate_six_dof(flight.start, flight.inputs, dt_s, system)
+    for one in drawn:
         if pushed:
-            yield _simulated_pushed(flight, system, dt_s, rows, pushes.drawn(len(rows), rng))
+            by = pushes.drawn(len(rows), rng)
+            yield _simulated_pushed(flight, one, dt_s, rows, by, about)
         else:
-            yield simulate_six_dof(flight.start, flight.inputs, dt_s, system)
+            yield simulate_six_dof(flight.start, flight.inputs, dt_s, one)
 
 
 def _simulated_pushed(
@@ -160,16 +165,17 @@ def _simulated_pushed(
     system: SixDofSystem,
     dt_s: float,
     rows: npt.NDArray[np.int64],
-    push: Array,
+    pushed: Pushed,
+    about: Array,
 ) -> Array:
-    """States (n, 13) of a flight that is pushed (m, 6) at some rows, of which the first is 0."""
-    states, now = np.empty((len(flight.inputs), len(flight.start))), flight.start.copy()
-    for by, (first, last) in zip(push, pairwise([*rows, len(states) - 1]), strict=True):
-        now[: len(by)] += by
+    """States (n, 13) of a flight that is pushed at some rows, of which the first is 0."""
+    states, now = np.empty((len(flight.inputs), len(flight.start))), flight.start
+    for number, (first, last) in enumerate(pairwise([*rows, len(states) - 1])):
+        start = pushed.state(number, now, about[first])
         states[first : last + 1] = simulate_six_dof(
-            now, flight.inputs[first : last + 1], dt_s, system
+            start, flight.inputs[first : last + 1], dt_s, system
         )
-        now = states[last].copy()
+        now = states[last]
     return states
 
 
