@@ -125,16 +125,23 @@ def has_compiled(name: str) -> bool:
     return folder is not None and any(folder.glob(f"*/{name}-*.nbc"))
 
 
+OF_NUMBA = ("_load_overload", "_guard_against_spurious_io_errors")
+
+
 class _Kept(FunctionCache):  # type: ignore[misc]
     """numba's cache, which loads what is compiled without all that only compiling needs.
 
     numba first imports 216 modules, scipy.linalg among them, which hold the types and functions
     that a kernel may use: a fifth of a second. One that is compiled uses symbols of the
     mathematics and the memory of arrays; what is to be compiled imports the rest by itself.
+
+    It rests on two methods that numba promises nobody (`OF_NUMBA`): without them numba loads.
     """
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """The compiled function for a signature; None when there is none."""
+        if not all(hasattr(self, name) for name in OF_NUMBA):
+            return super().load_overload(sig, target_context)
         rtsys.initialize(target_context)
         with self._guard_against_spurious_io_errors():
             return self._load_overload(sig, target_context)

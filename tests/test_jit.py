@@ -202,3 +202,14 @@ def test_every_kernel_module_is_in_the_name_of_the_cache() -> None:
         for module in re.findall(r"= kernel\((\w+)\.\w+\)$", path.read_text(), re.MULTILINE)
     }
     assert users == set(KERNEL_MODULES)
+
+
+def test_where_numba_has_renamed_what_the_cache_rests_on_numba_loads(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    asked = []
+    monkeypatch.setattr(jit, "OF_NUMBA", (*jit.OF_NUMBA, "renamed"))
+    monkeypatch.setattr(jit.FunctionCache, "load_overload", lambda *by: asked.append(by[1:]))
+    cache = object.__new__(jit._Kept)
+    assert cache.load_overload("signature", "target") is None
+    assert asked == [("signature", "target")]
