@@ -30,6 +30,10 @@ if TYPE_CHECKING:
     from auvident.cli.watch import Watch
     from auvident.pipeline.predict import SimulatedTrial
 
+    _OfTexts = click.Choice[str]
+else:
+    _OfTexts = click.Choice  # which takes no type before click 8.2
+
 MOST_SAMPLES = 10_000  # of a band: its edge is then known to 1 % of its width
 # of the files in RUN/simulate, by the folder that the model stands in
 MADE_OF = {BESIDE: f"-{BESIDE}", "combine": "-whole"}
@@ -358,7 +362,7 @@ def _picture_form(figure: Path | None) -> str:
     return form
 
 
-class ExportForm(click.Choice[str]):
+class ExportForm(_OfTexts):
     """A format of `export`; of one that cannot hold the model it says why."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
