@@ -11,6 +11,7 @@ import pytest
 
 from auvident.engines.records import Record, Source
 from auvident.pipeline import steps
+from auvident.pipeline.helper import Helper
 from auvident.pipeline.observer import Observer
 from auvident.schema.artifacts import ON_ERRORS
 from auvident.schema.channels import BY_COLUMN, TIME_COLUMN
@@ -55,6 +56,7 @@ def given(name: str, trials: list[Trial], **more: Any) -> Any:
         former={},
         plane=None,
         kept={},
+        helper=Helper(),
         table=lambda name: pd.DataFrame(),
         **more,
     )
