@@ -403,6 +403,8 @@ def test_of_planted_effects_those_that_show_may_be_looked_at_alone(shows, monkey
     assert found["stage"] == ("ingest" if shows else PASSED)
     assert outcome(4, **ways, shown=("pair",), run=refused)["stage"] == PASSED
     assert outcome(40032, until="ingest", shown=("single",), run=refused)["stage"] == PASSED
+    kinds = [("single",), ("pair",), ("single", "pair")]  # what one passes another looks at
+    assert len({key_of(4, True, "refine", shown=shown) for shown in kinds}) == len(kinds)
 
 
 @pytest.mark.parametrize("seed", [40000, 40010, 40032])
@@ -410,6 +412,7 @@ def test_the_kind_of_a_trial_is_known_before_its_vehicle(seed):
     from seatrial.population import draw, kind_of
 
     assert kind_of(seed) == draw(seed).kind
+    assert kind_of(seed, ("gyro_bias", "current")) == "pair"
 
 
 def test_a_name_that_is_the_vehicles_own_is_no_false_alarm():

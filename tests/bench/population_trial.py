@@ -69,15 +69,13 @@ def outcome(
 
     key = key_of(seed, short, until, plane, planted, shown)
     began, found = perf_counter(), _case(seed, key, "none", ())
-    if shown and planted is None and kind_of(seed, plane) not in shown:
+    if shown and kind_of(seed, planted, plane) not in shown:
         return {**found, "stage": PASSED}
     with tempfile.TemporaryDirectory(prefix="auvident-population-") as name:
         folder = Path(name)
         try:
             drawn = draw(seed, short, planted, plane=plane)
             found = _case(seed, key, drawn.kind, tuple(drawn.planted))
-            if shown and drawn.kind not in shown:
-                return {**found, "stage": PASSED}
             sailed = drawn.sail()
             judged = _judged_by_rule(drawn, sailed) if shown or until == WANTED[-1] else {}
             if shown and not all(v["visible"] for v in judged["visible"].values()):
@@ -121,7 +119,7 @@ def key_of(
 ) -> str:
     """Name of a trial in the file of outcomes."""
     ways = {plane: plane != "horizontal", "long": not short, until: until != WANTED[-1]}
-    ways |= {"clean": planted == (), "shown": bool(shown)}
+    ways |= {"clean": planted == (), **{f"shown-{kind}": True for kind in shown}}
     return "-".join([str(seed), *(way for way, told in ways.items() if told), *(planted or ())])
 
 

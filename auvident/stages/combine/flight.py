@@ -147,17 +147,16 @@ def _drawn_runs(
 ) -> Iterator[Array]:
     """States (n, 13) of the models drawn, pushed along the way where they hardly keep a course."""
     pushed = {name: std for of_plane in model.pushes.values() for name, std in of_plane.items()}
+    if not pushed:
+        yield from (simulate_six_dof(flight.start, flight.inputs, dt_s, one) for one in drawn)
+        return
     std = np.array([pushed.get(name, 0.0) for name in VELOCITIES])
     states = tuple(VELOCITIES.index(name) for name in pushed)
     pushes = PushesAlong(std, model.length_m, states)
     rows = pushes.rows_of(len(flight.inputs), float(flight.start[0]), dt_s)
     about = simulate_six_dof(flight.start, flight.inputs, dt_s, system)
     for one in drawn:
-        if pushed:
-            by = pushes.drawn(len(rows), rng)
-            yield _simulated_pushed(flight, one, dt_s, rows, by, about)
-        else:
-            yield simulate_six_dof(flight.start, flight.inputs, dt_s, one)
+        yield _simulated_pushed(flight, one, dt_s, rows, pushes.drawn(len(rows), rng), about)
 
 
 def _simulated_pushed(

@@ -292,8 +292,10 @@ def thrust_at_speed(vehicle: Vehicle, size: Size) -> float:
     return float(thrust)
 
 
-def kind_of(seed: int, plane: str = "horizontal") -> str:
+def kind_of(seed: int, planted: tuple[str, ...] | None = None, plane: str = "horizontal") -> str:
     """Kind of a trial, without its vehicle: what is planted is drawn from a stream of its own."""
+    if planted is not None:
+        return _kind(planted, plane)
     return draw_names(stream(seed, "population effects"), plane)[0]
 
 
