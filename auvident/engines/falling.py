@@ -12,7 +12,7 @@ made to grow by somewhat more than it does (`MORE_GROWTH`); in turns and zigzags
 known, that dies away.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -30,6 +30,7 @@ from auvident.physics.terms import Structure
 from auvident.schema.planes import BY_PLANE, TRACK, Plane
 
 Array = npt.NDArray[Any]
+Rows = npt.NDArray[np.int64]
 
 # Rate at which a push dies away on a straight course [1/hull length]; what forgets it more slowly
 # hardly keeps its course. The models of four unstable vehicles of even seeds have -0.24 to 0.26,
@@ -63,22 +64,22 @@ class PushesAlong:
     length_m: float
     states: tuple[int, ...] = (1, 2)
 
-    def rows(self, record: Record, dt_s: float) -> npt.NDArray[np.int64]:
+    def rows(self, record: Record, dt_s: float) -> Rows:
         """Rows of a record at which the hull is pushed; the first is its start."""
         return self.rows_of(len(record), float(record.start[0]), dt_s)
 
-    def rows_of(self, length: int, speed_mps: float, dt_s: float) -> npt.NDArray[np.int64]:
+    def rows_of(self, length: int, speed_mps: float, dt_s: float) -> Rows:
         """The same of so many rows that begin at a speed."""
         speed = max(abs(speed_mps), SLOWEST_MPS)
         every = max(round(self.length_m / (speed * dt_s)), 1)
         return np.arange(0, max(length - 1, 1), every)
 
-    def drawn(self, count: int, rng: np.random.Generator) -> "Pushed":
-        """What one model is pushed by, so many times."""
-        by = self.std * rng.standard_normal((count, len(self.std)))
+    def drawn(self, rows: Rows, rng: np.random.Generator) -> "Pushed":
+        """What one model is pushed by at some rows."""
+        by = self.std * rng.standard_normal((len(rows), len(self.std)))
         more = np.zeros(len(self.std))
         more[list(self.states)] = rng.normal(*MORE_GROWTH)
-        return Pushed(by, more)
+        return Pushed(rows, by, more)
 
 
 class Pushed(NamedTuple):
@@ -86,19 +87,26 @@ class Pushed(NamedTuple):
 
     Attributes
     ----------
+    rows : (m,) int array
+        Where; the first is 0.
     by : (m, k) array
-        Change of the states at each of some rows.
+        Change of the states there.
     more : (k,) array
         Share by which what a state is off the course about is enlarged there.
     """
 
+    rows: Rows
     by: Array
     more: Array
 
     @classmethod
-    def none(cls, count: int) -> "Pushed":
-        """Nothing, so many times, of a model of one plane."""
-        return cls(np.zeros((count, N_STATES)), np.zeros(N_STATES))
+    def none(cls, rows: Rows) -> "Pushed":
+        """Nothing at some rows, of a model of one plane."""
+        return cls(rows, np.zeros((len(rows), N_STATES)), np.zeros(N_STATES))
+
+    def stretches(self, last: int) -> Iterator[tuple[int, int]]:
+        """First and last row of the stretches that begin with a push."""
+        return pairwise([*self.rows, last])
 
     def state(self, number: int, now: Array, about: Array) -> Array:
         """The state after one of the pushes, from that before it and that of the course about."""
@@ -176,12 +184,12 @@ def fallen_models(
     drawn = rng.multivariate_normal(
         np.zeros(len(covariance)), covariance, MEMBERS, method="eigh", check_valid="ignore"
     )
-    middle, about = _course(frame, p, record, rows, Pushed.none(len(rows)))
+    middle, about = _course(frame, p, record, Pushed.none(rows))
     square: dict[str, list[Array]] = {name: [] for name in about}
     ran_away = 0
     for by in drawn:
-        pushed = pushes.drawn(len(rows), rng)
-        _, course = _course(frame, free.moved(p, by), record, rows, pushed, middle)
+        pushed = pushes.drawn(rows, rng)
+        _, course = _course(frame, free.moved(p, by), record, pushed, middle)
         if not all(np.isfinite(values).all() for values in course.values()):
             ran_away += 1
             continue
@@ -193,12 +201,7 @@ def fallen_models(
 
 
 def simulated_pushed(
-    frame: Frame,
-    p: Array,
-    acting: Record,
-    rows: npt.NDArray[np.int64],
-    pushed: Pushed,
-    about: Array | None = None,
+    frame: Frame, p: Array, acting: Record, pushed: Pushed, about: Array | None = None
 ) -> Array:
     """States (n, 4) of the free-running simulation of a record that is pushed at some rows.
 
@@ -206,15 +209,12 @@ def simulated_pushed(
     ----------
     acting : Record
         As the effects make it, see `at_effects`.
-    rows : (m,) int array
-        The first is 0.
     pushed : Pushed
-        At these rows.
     about : (n, 4) array, optional
         States of the predicted course.
     """
     states, now = np.empty((len(acting), N_STATES)), acting.start
-    for number, (first, last) in enumerate(pairwise([*rows, len(acting) - 1])):
+    for number, (first, last) in enumerate(pushed.stretches(len(acting) - 1)):
         part = slice(first, last + 1)
         states[part] = simulate_states(
             pushed.state(number, now, now if about is None else about[first]),
@@ -230,16 +230,11 @@ def simulated_pushed(
 
 
 def _course(
-    frame: Frame,
-    p: Array,
-    record: Record,
-    rows: npt.NDArray[np.int64],
-    pushed: Pushed,
-    about: Array | None = None,
+    frame: Frame, p: Array, record: Record, pushed: Pushed, about: Array | None = None
 ) -> tuple[Array, dict[str, Array]]:
     """States (n, 4) of a pushed simulation; its readings (n,) by channel and the track (n, 2)."""
     record = free_running(frame, p, record, ALL_STATES)
-    states = simulated_pushed(frame, p, at_effects(frame, p, record), rows, pushed, about)
+    states = simulated_pushed(frame, p, at_effects(frame, p, record), pushed, about)
     names = [state.symbol for state in BY_PLANE[frame.structure.plane].states]
     found = dict(zip(names, readings(frame, p, record, states).T, strict=True))
     if frame.structure.plane == "horizontal":

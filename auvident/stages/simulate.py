@@ -199,9 +199,7 @@ def _drawn_runs(
     if pushes is None:
         return [simulated(frame, p, record, active) for p in draws]
     rows = pushes.rows(record, frame.dt_s)
-    return [
-        simulated_pushed(frame, p, record, rows, pushes.drawn(len(rows), rng), about) for p in draws
-    ]
+    return [simulated_pushed(frame, p, record, pushes.drawn(rows, rng), about) for p in draws]
 
 
 def _band(

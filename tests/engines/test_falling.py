@@ -64,8 +64,8 @@ def test_a_push_grows_as_the_simulation_of_it_does() -> None:
     record, rows = amidships(harbour()[2]), np.array([0])
     acting = at_effects(frame, p, record)
     push = np.array([[0.0, 0.0, 1.0e-7, 0.0]])
-    without = simulated_pushed(frame, p, acting, rows, Pushed.none(1))
-    left = simulated_pushed(frame, p, acting, rows, Pushed(push, np.zeros(4)))
+    without = simulated_pushed(frame, p, acting, Pushed.none(rows))
+    left = simulated_pushed(frame, p, acting, Pushed(rows, push, np.zeros(4)))
     rate = growth_per_length(frame, left, without)
     assert rate == pytest.approx(growth_of_push(frame.structure, p, LENGTH_M), rel=0.02)
 
@@ -83,13 +83,13 @@ def test_what_a_model_is_off_grows_by_so_much_more(more: float) -> None:
     frame, p = unstable()
     record = amidships(harbour()[2])
     acting, rows = at_effects(frame, p, record), NO_PUSH.rows(record, frame.dt_s)
-    without = simulated_pushed(frame, p, acting, rows, Pushed.none(len(rows)))
+    without = simulated_pushed(frame, p, acting, Pushed.none(rows))
     by = np.zeros((len(rows), 4))
     by[0, 2] = 1.0e-7
     rates = [
         growth_per_length(
             frame,
-            simulated_pushed(frame, p, acting, rows, Pushed(by, share * np.ones(4)), without),
+            simulated_pushed(frame, p, acting, Pushed(rows, by, share * np.ones(4)), without),
             without,
         )
         for share in (0.0, more)
@@ -101,14 +101,14 @@ def test_a_course_that_was_not_pushed_does_not_leave_itself() -> None:
     frame, p = unstable()
     record = amidships(harbour()[2])
     acting, rows = at_effects(frame, p, record), NO_PUSH.rows(record, frame.dt_s)
-    without = simulated_pushed(frame, p, acting, rows, Pushed.none(len(rows)))
-    still = Pushed(np.zeros((len(rows), 4)), np.ones(4))
-    np.testing.assert_array_equal(simulated_pushed(frame, p, acting, rows, still, without), without)
+    without = simulated_pushed(frame, p, acting, Pushed.none(rows))
+    still = Pushed(rows, np.zeros((len(rows), 4)), np.ones(4))
+    np.testing.assert_array_equal(simulated_pushed(frame, p, acting, still, without), without)
 
 
 def test_only_the_states_that_are_pushed_grow_more() -> None:
     rng = np.random.default_rng(4)
-    drawn = [PushesAlong(np.zeros(6), 2.0, (2, 4)).drawn(3, rng) for _ in range(2000)]
+    drawn = [PushesAlong(np.zeros(6), 2.0, (2, 4)).drawn(np.arange(3), rng) for _ in range(2000)]
     more = np.array([one.more for one in drawn])
     assert not more[:, [0, 1, 3, 5]].any()
     np.testing.assert_array_equal(more[:, 2], more[:, 4])
@@ -119,7 +119,7 @@ def test_only_the_states_that_are_pushed_grow_more() -> None:
 def test_without_a_push_the_simulation_is_the_usual_one() -> None:
     frame, p, record = harbour()
     acting, rows = at_effects(frame, p, record), NO_PUSH.rows(record, frame.dt_s)
-    pushed = simulated_pushed(frame, p, acting, rows, Pushed.none(len(rows)))
+    pushed = simulated_pushed(frame, p, acting, Pushed.none(rows))
     np.testing.assert_allclose(
         pushed, simulated(frame, p, acting, ALL_STATES), rtol=1e-12, atol=1e-12
     )

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -156,20 +155,19 @@ def _drawn_runs(
     rows = pushes.rows_of(len(flight.inputs), float(flight.start[0]), dt_s)
     about = simulate_six_dof(flight.start, flight.inputs, dt_s, system)
     for one in drawn:
-        yield _simulated_pushed(flight, one, dt_s, rows, pushes.drawn(len(rows), rng), about)
+        yield _simulated_pushed(flight, one, dt_s, pushes.drawn(rows, rng), about)
 
 
 def _simulated_pushed(
     flight: Flight,
     system: SixDofSystem,
     dt_s: float,
-    rows: npt.NDArray[np.int64],
     pushed: Pushed,
     about: Array,
 ) -> Array:
     """States (n, 13) of a flight that is pushed at some rows, of which the first is 0."""
     states, now = np.empty((len(flight.inputs), len(flight.start))), flight.start
-    for number, (first, last) in enumerate(pairwise([*rows, len(states) - 1])):
+    for number, (first, last) in enumerate(pushed.stretches(len(states) - 1)):
         start = pushed.state(number, now, about[first])
         states[first : last + 1] = simulate_six_dof(
             start, flight.inputs[first : last + 1], dt_s, system
