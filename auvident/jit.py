@@ -25,6 +25,7 @@ from numba.core import config
 from numba.core.caching import FunctionCache
 from numba.core.compiler import Compiler
 from numba.core.runtime import rtsys
+from numba.extending import intrinsic
 from platformdirs import user_cache_path
 
 PACKAGE = Path(__file__).resolve().parent
@@ -40,6 +41,7 @@ KERNEL_MODULES = (
     "physics/dynamics.py",
     "physics/fleet.py",
     "physics/readings.py",
+    "physics/rows.py",
     "physics/sensing.py",
     "physics/sensitivity.py",
     "physics/six_dof.py",
@@ -209,3 +211,8 @@ def borrowing(function: Callable[..., Any]) -> Any:
     What it writes to must not overlap another argument (`loop`).
     """
     return kernel(function, _nrt=False, forceinline=True, pipeline_class=_Apart)
+
+
+# A part of a kernel whose instructions are written down, in place of its calls; for what no loop is
+# compiled to. Its types know nothing of the first argument, which numba adds.
+written: Any = intrinsic

@@ -194,7 +194,7 @@ def test_every_kernel_module_is_in_the_name_of_the_cache() -> None:
     users = {
         str(path.relative_to(PACKAGE))
         for path in PACKAGE.rglob("*.py")
-        if re.search(r"^@(kernel|borrowing|loop|inlined)$", path.read_text(), re.MULTILINE)
+        if re.search(r"^@(kernel|borrowing|loop|inlined|written)$", path.read_text(), re.MULTILINE)
     }
     users |= {  # whose equations a neighbour compiles
         str((path.parent / f"{module}.py").relative_to(PACKAGE))

@@ -2,8 +2,8 @@
 
 The slopes of a reading are those of the states, seen by the sensors. `place_slopes` writes them
 down; `normal_equations` whitens them in passing and adds up their products, so that no array of
-rows by channels by parameters is made. The products are added `ROWS` at a time, which keeps the
-sums in the registers of the processor for longer than one row would.
+rows by channels by parameters is made. The products are added `ROWS` at a time, so that the sums
+are fetched and put back less often than with every row.
 """
 
 import math
@@ -14,6 +14,7 @@ import numpy as np
 from auvident.estimation.coloured import next_variance, whiten_row
 from auvident.jit import borrowing, kernel
 from auvident.physics.readings import known_row, rows_of
+from auvident.physics.rows import add_scaled, scale
 from auvident.physics.sensing import N_CHANNELS
 from auvident.physics.term_tables import LEAD, N_STATES
 
@@ -156,29 +157,22 @@ def all_within(values, most):
 
 
 @borrowing
-def _add_products(rows, gram):
+def _add_products(rows, part, gram):
     """Add the products of the columns of `ROWS` rows with each other, above the diagonal.
 
-    Whole vectors of four are added, some of which reach below the diagonal.
+    Four at a time (`physics.rows`), so that some reach below the diagonal.
     """
+    blocks = gram.shape[1] // 4
     for i in range(gram.shape[0]):
-        a, b, c, d = rows[0, i], rows[1, i], rows[2, i], rows[3, i]
-        e, f, g, h = rows[4, i], rows[5, i], rows[6, i], rows[7, i]
-        for j in range(4 * (i // 4), gram.shape[1]):
-            gram[i, j] += (
-                a * rows[0, j]
-                + b * rows[1, j]
-                + c * rows[2, j]
-                + d * rows[3, j]
-                + e * rows[4, j]
-                + f * rows[5, j]
-                + g * rows[6, j]
-                + h * rows[7, j]
-            )
+        for block in range(i // 4, blocks):
+            scale(part, 0, rows[0, i], rows, block)
+            for row in range(1, ROWS):
+                add_scaled(part, 0, rows[row, i], rows, row * blocks + block)
+            add_scaled(gram, i * blocks + block, 1.0, part, 0)
 
 
 @borrowing
-def _accumulate(z, sees, readings, measured, noise, states, variance, rows, gram):
+def _accumulate(z, sees, readings, measured, noise, states, variance, rows, part, gram):
     """Add the products of all white rows to gram; the number of lost readings."""
     n, filled, lost, width = z.shape[0], 0, 0, z.shape[2]
     for k in range(n):
@@ -200,12 +194,12 @@ def _accumulate(z, sees, readings, measured, noise, states, variance, rows, gram
                     state[column] *= keep
             variance[c] = next_variance(variance[c], gain, keep, slow)
             if filled == ROWS:
-                _add_products(rows, gram)
+                _add_products(rows, part, gram)
                 filled = 0
     for row in range(filled, ROWS):
         for column in range(rows.shape[1]):
             rows[row, column] = 0.0
-    _add_products(rows, gram)
+    _add_products(rows, part, gram)
     return lost
 
 
@@ -262,7 +256,8 @@ def normal_equations(z, sees, readings, measured, noise, moved, gram):
     padded = 4 * ((width + 3) // 4)
     rows, states = np.zeros((ROWS, padded)), np.zeros((N_CHANNELS, width))
     sums, variance = np.zeros((width, padded)), noise.slow * noise.slow
-    lost = _accumulate(z, sees, readings, measured, noise, states, variance, rows, sums)
+    part = np.zeros((1, 4))
+    lost = _accumulate(z, sees, readings, measured, noise, states, variance, rows, part, sums)
     for i in range(width):
         for j in range(width):
             gram[i, j] = sums[i, j]

@@ -189,7 +189,7 @@ class EkfWork(NamedTuple):
     ----------
     now : (4, 1) array
         State of a record.
-    reached : (4, 5 + n_theta) array
+    reached : (5 + n_theta, 4) array
         State after the step and its derivatives.
     F : (k * n_x, n_x + n_theta) array
         As `kalman.predict` takes it.
@@ -222,7 +222,7 @@ def row_work(data: PassInput) -> RowWork:
 def ekf_work(data: PassInput, width: int) -> EkfWork:
     """Work arrays of predictions about theta = 0, for a covariance with rows of some width."""
     n_x, n_theta = len(data.active_index), len(data.Q.theta)
-    n_rows, reached = len(data.logs.lengths) * n_x, np.zeros((N_STATES, LEAD + n_theta))
+    n_rows, reached = len(data.logs.lengths) * n_x, np.zeros((LEAD + n_theta, N_STATES))
     F, FP = np.empty((n_rows, n_x + n_theta)), np.empty((n_rows, width))
     return EkfWork(np.zeros((N_STATES, 1)), reached, F, FP, np.zeros(n_theta))
 
@@ -384,12 +384,12 @@ def predict_ekf(t, alive, x, P, index, logs, Q, system, row, step, work, fault):
         _place_row(j, t, logs, row)
         step_with_jacobian(now, u, inactive0, inactive1, dt, slopes, system, step, reached)
         for i in range(n_x):
-            x[first + i] = reached[index[i], 0]
+            x[first + i] = reached[0, index[i]]
             for c in range(n_x):
-                F[j * n_x + i, c] = reached[index[i], 1 + index[c]]
+                F[j * n_x + i, c] = reached[1 + index[c], index[i]]
             for c in range(n_theta):
-                F[j * n_x + i, n_x + c] = reached[index[i], LEAD + c]
-                x[first + i] += reached[index[i], LEAD + c] * (x[c] - theta0[c])
+                F[j * n_x + i, n_x + c] = reached[LEAD + c, index[i]]
+                x[first + i] += reached[LEAD + c, index[i]] * (x[c] - theta0[c])
             if not abs(x[first + i]) < SPEED_LIMIT and fault[3] == 0:
                 stop(fault, t, j, index[i], DIVERGED)
     if fault[3] == 0:

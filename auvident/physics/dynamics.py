@@ -90,7 +90,7 @@ def step_with_sensitivities(
     scale, columns = np.ones(s_x.shape[1] - N_STATES), 1 + s_x.shape[1]
     moving = np.full(N_INPUTS, input_columns.shape[0] > 0)
     system, _ = system_at(p, active, column, scale, moving, input_columns, equations)
-    z, reached = np.zeros((N_STATES, columns)), np.zeros((N_STATES, columns))
+    z, reached = np.zeros((N_STATES, columns)), np.zeros((columns, N_STATES))
     for i in range(N_STATES):
         z[i, 0] = x[i]
         if active[i]:
@@ -182,7 +182,7 @@ def simulate_with_sensitivities(
     system, determinant = system_at(p, active, column, scale, moving, input_columns, equations)
     if not determinant > 0.0:
         return False
-    now, reached = np.zeros((N_STATES, z.shape[2])), np.zeros((N_STATES, z.shape[2]))
+    now, reached = np.zeros((N_STATES, z.shape[2])), np.zeros((z.shape[2], N_STATES))
     for i in range(N_STATES):
         now[i, 0] = x0[i]
         if active[i]:

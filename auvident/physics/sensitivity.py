@@ -10,9 +10,10 @@ With k = M^-1 F(x, p) the rate of a state (and d angle/dt = b), a step of RK4 is
     x(end) = x + dt/6 (k_0 + 2 k_1 + 2 k_2 + k_3)
 
 First the four points x_0 .. x_3 are passed in order; powers, slopes dF/dx and rates of each are
-kept. Then the chain rule goes through them backwards, once for each state at the end, and leaves
-the weight of every force at every point in that state (`_weigh_forces`). With these the derivative
-by a parameter is a sum over the four points (`_add_parameters`)::
+kept, the same at all points beside each other in rows of four (`rows`). Then the chain rule goes
+through them backwards and leaves the weight of every force at every point in each state at the end,
+in rows of the four states (`_weigh_forces`). With these the derivative by a parameter is a sum over
+the four points (`_add_parameters`)::
 
     dx_i(end)/dp = sum over s of  dx_i(end)/dF_s (dF_s/dp - dM/dp k_s)
 
@@ -26,6 +27,7 @@ import numpy as np
 
 from auvident.jit import borrowing, kernel
 from auvident.physics.batch import ADVANCE, N_POINTS, SHARE, inverse_mass
+from auvident.physics.rows import add_product, add_scaled, add_weighted, fill, multiply, scale
 from auvident.physics.term_tables import (
     LEAD,
     N_INPUTS,
@@ -35,15 +37,16 @@ from auvident.physics.term_tables import (
     N_STATES,
     N_VARIABLES,
     N_VELOCITIES,
+    ONE,
     SLOPES,
+    first_terms,
     sort_masses,
     sort_slopes,
     standing_in,
 )
 
-N_PLACES = SLOPES + N_VARIABLES * N_POWERS  # values of a point: powers, 1, their derivatives
-WEIGHTS = N_PARTIALS  # of a force at a point: after its slopes its weight in each state at the end
-N_SLOPES = WEIGHTS + N_STATES
+RATES = SLOPES + N_VARIABLES * N_POWERS  # place of the first rate, after the derivatives of powers
+N_PLACES = RATES + N_STATES  # values of a point: powers, 1, derivatives of the powers, rates
 
 
 class System(NamedTuple):
@@ -57,6 +60,8 @@ class System(NamedTuple):
     moving : (15,) bool array
         Inputs that stand in a term and depend on free parameters.
     table, weights, partials : arrays from `term_tables.sort_slopes`
+    first : (4,) uint array
+        From `term_tables.first_terms`.
     mass, mass_weights : arrays from `term_tables.sort_masses`
     coefficient : (m,) array
         Weight times parameter of every term.
@@ -64,6 +69,8 @@ class System(NamedTuple):
         Inverse mass matrix, row by row.
     input_columns : (k,) int array
         Columns (after `LEAD` others) of the parameters that the inputs depend on.
+    unit : (4, 4) array
+        Derivatives of the active states by themselves.
     """
 
     active: np.ndarray
@@ -72,11 +79,13 @@ class System(NamedTuple):
     table: np.ndarray
     weights: np.ndarray
     partials: np.ndarray
+    first: np.ndarray
     mass: np.ndarray
     mass_weights: np.ndarray
     coefficient: np.ndarray
     inverse: np.ndarray
     input_columns: np.ndarray
+    unit: np.ndarray
 
 
 class StepWork(NamedTuple):
@@ -85,22 +94,27 @@ class StepWork(NamedTuple):
     Attributes
     ----------
     value : (N_PLACES, 4) array
-        Powers, 1 and derivatives of the powers, by point.
+        Powers, 1, derivatives of the powers, and rates, by point.
     f : (3,) array
         Forces.
-    f_x : (3, N_SLOPES, 4) array
-        Slopes of the forces and their weights, by point.
+    f_x : (3 * 19, 4) array
+        Slopes of the forces, of one after another, by point.
+    weight : (12, 4) array
+        Weights of a force at the four points, of one force after another, by state at the end.
+    x_x, x_k : (4, 4) array
+        Derivatives of the states at the end by the state at a point and by its rates, each by state
+        at the end.
     stage : (4, >= 1) array
         State at the point.
-    rate : (4, 4) array
-        Rates by point.
     """
 
     value: np.ndarray
     f: np.ndarray
     f_x: np.ndarray
+    weight: np.ndarray
+    x_x: np.ndarray
+    x_k: np.ndarray
     stage: np.ndarray
-    rate: np.ndarray
 
 
 @kernel
@@ -130,7 +144,9 @@ def system_at(p, active, column, scale, moving, input_columns, equations):
     for k in range(table.shape[0]):
         coefficient[k] = weights[k, 0] * p[table[k, 1]]
     determinant = inverse_mass(p, equations.mass, equations.mass_weights, active, inverse)
-    used = standing_in(table)
+    used, unit = standing_in(table), np.zeros((N_STATES, N_STATES))
+    for i in range(N_STATES):
+        unit[i, i] = 1.0 if active[i] else 0.0
     system = System(
         active,
         used,
@@ -138,11 +154,13 @@ def system_at(p, active, column, scale, moving, input_columns, equations):
         table,
         weights,
         partials,
+        first_terms(table),
         mass,
         mass_weights,
         coefficient,
         inverse.reshape((9, 1)),
         input_columns + LEAD,
+        unit,
     )
     return system, determinant
 
@@ -153,9 +171,11 @@ def step_work(columns):
     return StepWork(
         np.ones((N_PLACES, N_POINTS)),
         np.zeros(N_VELOCITIES),
-        np.zeros((N_VELOCITIES, N_SLOPES, N_POINTS)),
+        np.zeros((N_VELOCITIES * N_PARTIALS, N_POINTS)),
+        np.zeros((N_VELOCITIES * N_POINTS, N_STATES)),
+        np.zeros((N_STATES, N_STATES)),
+        np.zeros((N_STATES, N_STATES)),
         np.zeros((N_STATES, columns)),
-        np.zeros((N_STATES, N_POINTS)),
     )
 
 
@@ -198,144 +218,125 @@ def _place_inputs(inputs, used, moving, value):
     """Powers of the inputs, and their derivatives where inputs move: the same at every point."""
     for i in range(N_INPUTS):
         if used[N_POSITIONS + i]:
-            for point in range(N_POINTS):
-                _place_powers(N_POSITIONS + i, inputs[i], point, value)
-                if moving[i]:
-                    _place_slopes(N_POSITIONS + i, inputs[i], 1.0, point, value)
+            _place_powers(N_POSITIONS + i, inputs[i], 0, value)
+            _repeat((N_POSITIONS + i) * N_POWERS, value)
+            if moving[i]:
+                _place_slopes(N_POSITIONS + i, inputs[i], 1.0, 0, value)
+                _repeat(SLOPES + (N_POSITIONS + i) * N_POWERS, value)
 
 
 @borrowing
-def _add_forces(table, coefficient, point, value, f):
+def _repeat(at, value):
+    """What stands at the first point for each power of a variable, at all points."""
+    for power in range(N_POWERS):
+        fill(value, at + power, value[at + power, 0])
+
+
+@borrowing
+def _add_forces(first, table, coefficient, point, value, f):
     """Forces at a point; the table is sorted by equation."""
-    total = 0.0
-    for k in range(coefficient.shape[0]):
-        product = value[table[k, 3], point] * value[table[k, 4], point] * value[table[k, 5], point]
-        total = coefficient[k] * product + (total if table[k, 6] else 0.0)
-        f[table[k, 0]] = total
+    for e in range(N_VELOCITIES):
+        total = 0.0
+        for k in range(first[e], first[e + 1]):
+            a, b, c = table[k, 3], table[k, 4], table[k, 5]
+            total += coefficient[k] * (value[a, point] * value[b, point] * value[c, point])
+        f[e] = total
 
 
 @borrowing
 def _add_slopes(partials, coefficient, value, f_x):
     """Slopes of the forces at all points, by states and inputs; the table is sorted by both."""
-    s0 = s1 = s2 = s3 = 0.0
     for k in range(partials.shape[0]):
-        w, e, by = coefficient[partials[k, 0]], partials[k, 1], partials[k, 2]
-        a, b, c = partials[k, 3], partials[k, 4], partials[k, 5]
-        if not partials[k, 6]:
-            s0 = s1 = s2 = s3 = 0.0
-        s0 += w * (value[a, 0] * value[b, 0] * value[c, 0])
-        s1 += w * (value[a, 1] * value[b, 1] * value[c, 1])
-        s2 += w * (value[a, 2] * value[b, 2] * value[c, 2])
-        s3 += w * (value[a, 3] * value[b, 3] * value[c, 3])
-        f_x[e, by, 0], f_x[e, by, 1], f_x[e, by, 2], f_x[e, by, 3] = s0, s1, s2, s3
+        w, at = coefficient[partials[k, 0]], partials[k, 1]
+        a, b, c = partials[k, 2], partials[k, 3], partials[k, 4]
+        if partials[k, 5]:
+            add_product(f_x, at, w, value, a, b, c)
+        else:
+            multiply(f_x, at, w, value, a, b, c)
 
 
 @borrowing
 def _evaluate_point(point, system, work):
-    """Rates of the state stage[:, 0] in rate[:, point]."""
-    active, inverse, f, stage, rate = system.active, system.inverse, work.f, work.stage, work.rate
-    _place_states(stage, active, system.used, point, work.value)
-    _add_forces(system.table, system.coefficient, point, work.value, f)
+    """Rates of the state stage[:, 0] at a point."""
+    inverse, value, f, stage = system.inverse, work.value, work.f, work.stage
+    _place_states(stage, system.active, system.used, point, value)
+    _add_forces(system.first, system.table, system.coefficient, point, value, f)
     x, y, n = f[0], f[1], f[2]
     for i in range(N_VELOCITIES):
         j = 3 * i
-        rate[i, point] = inverse[j, 0] * x + inverse[j + 1, 0] * y + inverse[j + 2, 0] * n
-    rate[3, point] = stage[2, 0] if active[3] else 0.0
+        rate = inverse[j, 0] * x + inverse[j + 1, 0] * y + inverse[j + 2, 0] * n
+        value[RATES + i, point] = rate
+    value[RATES + 3, point] = stage[2, 0] if system.active[3] else 0.0
 
 
 @borrowing
-def _weigh_forces(i, active, dt, inverse, f_x, total):
-    """Weight of every force in state i at the end of a step, and d x_i(end)/d x.
+def _weigh_forces(dt, system, work, reached):
+    """Weight of every force in the states at the end of a step, and d x(end)/d x.
 
-    The chain rule from the last point s = 3 to the first, all of them rows::
+    The chain rule from the last point s = 3 to the first, each of them by the states at the end::
 
-        w_s = dx_i(end)/dk_s = dt SHARE_s/6 e_i + dt ADVANCE_s by_(s+1),    by_4 = 0
-        (x, y, n)_s = dx_i(end)/dF_s = w_s M^-1
-        by_s = dx_i(end)/dx_s = (x, y, n)_s dF/dx(x_s),  by b also w_s of the angle
-        dx_i(end)/dx = e_i + by_0 + by_1 + by_2 + by_3
-
-    The weights x, y, n go behind the slopes of their point in f_x; the derivative is added to
-    total[i, 1:5], where e_i stands.
+        k_s = dx(end)/dk_s = dt SHARE_s/6 + dt ADVANCE_s x_(s+1),    x_4 = 0
+        weight_s = dx(end)/dF_s = k_s M^-1
+        x_s = dx(end)/dx_s = weight_s dF/dx(x_s),  by b also k_s of the angle
+        dx(end)/dx = 1 + x_0 + x_1 + x_2 + x_3
     """
-    by_u = by_a = by_b = by_angle = 0.0
+    inverse, unit, f_x, weight = system.inverse, system.unit, work.f_x, work.weight
+    x, k = work.x_x, work.x_k
+    for j in range(N_STATES):
+        fill(x, j, 0.0)
+        scale(reached, 1 + j, 1.0, unit, j)
     for point in range(N_POINTS - 1, -1, -1):
-        share, advance = SHARE[point] * (dt / 6.0), ADVANCE[point] * dt
-        w_u = advance * by_u + (share if i == 0 else 0.0)
-        w_a = advance * by_a + (share if i == 1 else 0.0)
-        w_b = advance * by_b + (share if i == 2 else 0.0)
-        w_angle = advance * by_angle + (share if i == 3 else 0.0)
-        x = w_u * inverse[0, 0] + w_a * inverse[3, 0] + w_b * inverse[6, 0]
-        y = w_u * inverse[1, 0] + w_a * inverse[4, 0] + w_b * inverse[7, 0]
-        n = w_u * inverse[2, 0] + w_a * inverse[5, 0] + w_b * inverse[8, 0]
-        by_u = x * f_x[0, 0, point] + y * f_x[1, 0, point] + n * f_x[2, 0, point]
-        by_a = x * f_x[0, 1, point] + y * f_x[1, 1, point] + n * f_x[2, 1, point]
-        by_b = x * f_x[0, 2, point] + y * f_x[1, 2, point] + n * f_x[2, 2, point]
-        by_angle = x * f_x[0, 3, point] + y * f_x[1, 3, point] + n * f_x[2, 3, point]
-        if active[2]:
-            by_b += w_angle
-        at = WEIGHTS + i
-        f_x[0, at, point], f_x[1, at, point], f_x[2, at, point] = x, y, n
-        total[i, 1], total[i, 2] = total[i, 1] + by_u, total[i, 2] + by_a
-        total[i, 3], total[i, 4] = total[i, 3] + by_b, total[i, 4] + by_angle
+        for j in range(N_STATES):
+            scale(k, j, ADVANCE[point] * dt, x, j)
+            add_scaled(k, j, SHARE[point] * (dt / 6.0), unit, j)
+        for e in range(N_VELOCITIES):
+            scale(weight, N_POINTS * e + point, inverse[e, 0], k, 0)
+            add_scaled(weight, N_POINTS * e + point, inverse[3 + e, 0], k, 1)
+            add_scaled(weight, N_POINTS * e + point, inverse[6 + e, 0], k, 2)
+        for j in range(N_STATES):
+            scale(x, j, f_x[j, point], weight, point)
+            add_scaled(x, j, f_x[N_PARTIALS + j, point], weight, N_POINTS + point)
+            add_scaled(x, j, f_x[2 * N_PARTIALS + j, point], weight, 2 * N_POINTS + point)
+        if system.active[2]:
+            add_scaled(x, 2, 1.0, k, 3)
+        for j in range(N_STATES):
+            add_scaled(reached, 1 + j, 1.0, x, j)
 
 
 @borrowing
-def _add_column(e, column, active, g0, g1, g2, g3, f_x, total):
-    """Add to one column what comes of slopes g0 .. g3 of force e at the four points."""
-    for i in range(N_STATES):
-        if active[i]:
-            at = WEIGHTS + i
-            total[i, column] += (
-                f_x[e, at, 0] * g0 + f_x[e, at, 1] * g1 + f_x[e, at, 2] * g2 + f_x[e, at, 3] * g3
-            )
-
-
-@borrowing
-def _add_parameters(system, work, total):
+def _add_parameters(system, work, reached):
     """Derivatives by the parameters of the terms, and of the mass matrix.
 
     A free mass acts like the force -dM/dp k: from M k = F follows M dk/dp = dF/dp - dM/dp k.
     """
-    active, table, weights = system.active, system.table, system.weights
+    table, weights = system.table, system.weights
     mass, mass_weights = system.mass, system.mass_weights
-    value, rate, f_x = work.value, work.rate, work.f_x
+    value, weight = work.value, work.weight
     for k in range(weights.shape[0]):
-        a, b, c, w = table[k, 3], table[k, 4], table[k, 5], weights[k, 1]
+        w, first = weights[k, 1], N_POINTS * table[k, 0]
         if w != 0.0:
-            g0 = w * value[a, 0] * value[b, 0] * value[c, 0]
-            g1 = w * value[a, 1] * value[b, 1] * value[c, 1]
-            g2 = w * value[a, 2] * value[b, 2] * value[c, 2]
-            g3 = w * value[a, 3] * value[b, 3] * value[c, 3]
-            _add_column(table[k, 0], table[k, 2], active, g0, g1, g2, g3, f_x, total)
+            a, b, c = table[k, 3], table[k, 4], table[k, 5]
+            add_weighted(reached, table[k, 2], weight, first, w, value, a, b, c)
     for k in range(mass.shape[0]):
-        i, w = mass[k, 1], -mass_weights[k, 1]
+        w, first = -mass_weights[k, 1], N_POINTS * mass[k, 0]
         if w != 0.0:
-            g0, g1, g2, g3 = w * rate[i, 0], w * rate[i, 1], w * rate[i, 2], w * rate[i, 3]
-            _add_column(mass[k, 0], mass[k, 4], active, g0, g1, g2, g3, f_x, total)
+            rate = RATES + mass[k, 1]
+            add_weighted(reached, mass[k, 4], weight, first, w, value, rate, ONE, ONE)
 
 
 @borrowing
-def _add_inputs(system, input_slopes, f_x, total):
+def _add_inputs(system, input_slopes, work, reached):
     """Derivatives by the parameters that inputs depend on; inputs hold over the step."""
-    active, moving, input_columns = system.active, system.moving, system.input_columns
+    moving, input_columns, by = system.moving, system.input_columns, work.x_k
     for l in range(N_INPUTS):  # noqa: E741
         if moving[l]:
-            for i in range(N_STATES):
-                if active[i]:
-                    by = _by_input(l, i, active, f_x)
-                    for k in range(input_columns.shape[0]):
-                        total[i, input_columns[k]] += by * input_slopes[l, k]
-
-
-@borrowing
-def _by_input(l, i, active, f_x):  # noqa: E741
-    """Derivative of state i at the end of a step by input l."""
-    by = 0.0
-    for e in range(N_VELOCITIES):
-        if active[e]:
-            for point in range(N_POINTS):
-                by += f_x[e, WEIGHTS + i, point] * f_x[e, N_STATES + l, point]
-    return by
+            fill(by, 0, 0.0)  # of the states at the end by input l
+            for e in range(N_VELOCITIES):
+                for point in range(N_POINTS):
+                    slope = work.f_x[N_PARTIALS * e + N_STATES + l, point]
+                    add_scaled(by, 0, slope, work.weight, N_POINTS * e + point)
+            for k in range(input_columns.shape[0]):
+                add_scaled(reached, input_columns[k], input_slopes[l, k], by, 0)
 
 
 @borrowing
@@ -355,12 +356,12 @@ def step_with_jacobian(x, inputs, inactive0, inactive1, dt, input_slopes, system
         Derivatives of the inputs by the parameters in the columns `system.input_columns`.
     system : System
     work : StepWork
-    reached : (4, 5 + n_free) array, filled
-        Rows of active states: state reached, its derivatives by x and by the free parameters.
-        Of inactive states only the value is set, to the one at the end of the step.
+    reached : (5 + n_free, 4) array, filled
+        State reached, inactive ones at their value at the end of the step; its derivatives by x and
+        by the free parameters, zero for inactive states.
     """
-    active, stage, rate = system.active, work.stage, work.rate
-    _place_inputs(inputs, system.used, system.moving, work.value)
+    active, stage, value = system.active, work.stage, work.value
+    _place_inputs(inputs, system.used, system.moving, value)
     for i in range(N_STATES):
         stage[i, 0] = x[i, 0] if active[i] else inactive0[i]
     for point in range(N_POINTS):
@@ -368,21 +369,19 @@ def step_with_jacobian(x, inputs, inactive0, inactive1, dt, input_slopes, system
         fraction, advance = ADVANCE[point], ADVANCE[point] * dt
         for i in range(N_STATES):
             if active[i]:
-                stage[i, 0] = x[i, 0] + advance * rate[i, point]
+                stage[i, 0] = x[i, 0] + advance * value[RATES + i, point]
             else:
                 stage[i, 0] = inactive0[i] + fraction * (inactive1[i] - inactive0[i])
-    _add_slopes(system.partials, system.coefficient, work.value, work.f_x)
+    _add_slopes(system.partials, system.coefficient, value, work.f_x)
     for i in range(N_STATES):
-        reached[i, 0] = inactive1[i]
-        if active[i]:
-            change = rate[i, 0] + 2.0 * rate[i, 1] + 2.0 * rate[i, 2] + rate[i, 3]
-            reached[i, 0] = x[i, 0] + dt / 6.0 * change
-            for c in range(1, reached.shape[1]):
-                reached[i, c] = 0.0
-            reached[i, 1 + i] = 1.0
-            _weigh_forces(i, active, dt, system.inverse, work.f_x, reached)
+        k = RATES + i
+        change = value[k, 0] + 2.0 * value[k, 1] + 2.0 * value[k, 2] + value[k, 3]
+        reached[0, i] = x[i, 0] + dt / 6.0 * change if active[i] else inactive1[i]
+    _weigh_forces(dt, system, work, reached)
+    for c in range(LEAD, reached.shape[0]):
+        fill(reached, c, 0.0)
     _add_parameters(system, work, reached)
-    _add_inputs(system, input_slopes, work.f_x, reached)
+    _add_inputs(system, input_slopes, work, reached)
 
 
 @borrowing
@@ -390,11 +389,11 @@ def _chain(active, reached, z, moved):
     """Derivatives z after a step: dx(end)/dx z, and dx(end)/dp on top of the last columns."""
     for i in range(N_STATES):
         if active[i]:
-            u, a, b, angle = reached[i, 1], reached[i, 2], reached[i, 3], reached[i, 4]
+            u, a, b, angle = reached[1, i], reached[2, i], reached[3, i], reached[4, i]
             for c in range(1, z.shape[1]):
                 moved[i, c] = u * z[0, c] + a * z[1, c] + b * z[2, c] + angle * z[3, c]
             for c in range(LEAD, z.shape[1]):
-                moved[i, c] += reached[i, c]
+                moved[i, c] += reached[c, i]
     for i in range(N_STATES):
         if active[i]:
             for c in range(1, z.shape[1]):
@@ -409,9 +408,9 @@ def propagate_sensitivities(
 
     z is the state, its derivatives by any four numbers (the start, say) and by the free parameters;
     those of inactive states are zero throughout. Arguments as of `step_with_jacobian`, `work.stage`
-    and `reached` of the shape of z.
+    of the shape of z.
     """
     step_with_jacobian(z, inputs, inactive0, inactive1, dt, input_slopes, system, work, reached)
     _chain(system.active, reached, z, work.stage)
     for i in range(N_STATES):
-        z[i, 0] = reached[i, 0]
+        z[i, 0] = reached[0, i]

@@ -135,18 +135,19 @@ def sort_slopes(active, p, column, scale, moving, terms, weights):
 
     Returns
     -------
-    sorted_terms : (m, 7) uint array
+    sorted_terms : (m, 6) uint array
         Equation, parameter, column (after `LEAD` others; one too many when the parameter is not
-        free), places of the three factors, whether the equation is that of the row before.
+        free), places of the three factors; sorted by equation.
     weights : (m, 2) array
         Weight, weight in units of the column (zero when it is not free).
-    partials : (d, 7) uint array
-        Term, equation, state (from 4 on: input), places of the slope and of the other two
-        factors, whether equation and state are those of the row before.
+    partials : (d, 6) uint array
+        Term, place of the slope of the force (19 times the equation, plus the state, or from 4 on
+        the input), places of the slope and of the other two factors, whether the slope of the force
+        is that of the row before.
     """
     chosen = _by_equation(active, p, column, terms)
     m = chosen.shape[0]
-    table, sorted_weights = np.zeros((m, 7), np.uintp), np.zeros((m, 2))
+    table, sorted_weights = np.zeros((m, 6), np.uintp), np.zeros((m, 2))
     for k in range(m):
         row = chosen[k]
         equation, parameter = terms[row, 0], terms[row, 1]
@@ -158,8 +159,17 @@ def sort_slopes(active, p, column, scale, moving, terms, weights):
         for f in range(N_FACTORS):
             variable, power = terms[row, 2 + 2 * f], terms[row, 3 + 2 * f]
             table[k, 3 + f] = variable * N_POWERS + power if power >= 0 else ONE
-        table[k, 6] = k > 0 and table[k - 1, 0] == table[k, 0]
     return table, sorted_weights, _sort_partials(active, moving, terms, chosen, table)
+
+
+@kernel
+def first_terms(table):
+    """Rows (4,) of the sorted terms at which those of each equation begin, and where all end."""
+    first = np.zeros(N_VELOCITIES + 1, np.uintp)
+    for k in range(table.shape[0]):
+        for equation in range(table[k, 0] + 1, N_VELOCITIES + 1):
+            first[equation] = k + 1
+    return first
 
 
 @kernel
@@ -178,7 +188,7 @@ def _by_equation(active, p, column, terms):
 @kernel
 def _sort_partials(active, moving, terms, chosen, table):
     """`partials` of `sort_slopes`: each factor that varies is differentiated once."""
-    partials, d = np.zeros((N_FACTORS * chosen.shape[0], 7), np.uintp), 0
+    partials, d = np.zeros((N_FACTORS * chosen.shape[0], 6), np.uintp), 0
     for equation in range(N_VELOCITIES):
         for by in range(N_PARTIALS):
             first = d
@@ -191,11 +201,11 @@ def _sort_partials(active, moving, terms, chosen, table):
                         and _slope_of(variable) == by
                         and varies(variable, active, moving)
                     ):
-                        partials[d, 0], partials[d, 1], partials[d, 2] = k, equation, by
-                        partials[d, 3] = SLOPES + variable * N_POWERS + power
-                        partials[d, 4] = table[k, 3 + (f + 1) % N_FACTORS]
-                        partials[d, 5] = table[k, 3 + (f + 2) % N_FACTORS]
-                        partials[d, 6] = d > first
+                        partials[d, 0], partials[d, 1] = k, N_PARTIALS * equation + by
+                        partials[d, 2] = SLOPES + variable * N_POWERS + power
+                        partials[d, 3] = table[k, 3 + (f + 1) % N_FACTORS]
+                        partials[d, 4] = table[k, 3 + (f + 2) % N_FACTORS]
+                        partials[d, 5] = d > first
                         d += 1
     return partials[:d].copy()
 
