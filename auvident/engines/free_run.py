@@ -21,6 +21,7 @@ counts on from there (`well_started`).
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -88,12 +89,12 @@ class OutputError:
     gain: Array | None = None
     known: Mapping[tuple[str, bytes], Normal | None] = field(default_factory=dict)
 
-    @property
+    @cached_property
     def channels(self) -> npt.NDArray[np.int64]:
         """Channels that are compared."""
         return np.flatnonzero(self.active).astype(np.int64)
 
-    @property
+    @cached_property
     def start_information(self) -> Array:
         """Inverse covariance (k, k) of the k active states of a start."""
         stds = [start_std(self.colours[c], self.start_stds) for c in self.channels]

@@ -6,6 +6,7 @@ Simulation, output error and the analysis of residuals run it; the filters take 
 inputs and readings to first order about the parameters of their start.
 """
 
+import math
 import threading
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -359,7 +360,7 @@ class _Memory(threading.local):
 
     def of(self, *shape: int) -> Array:
         """Memory of a shape, which holds until it is asked for again."""
-        size = int(np.prod(shape))
+        size = math.prod(shape)
         if size > MOST_KEPT:
             return np.empty(shape)
         if size > len(self.values):
