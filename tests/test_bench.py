@@ -12,7 +12,7 @@ from auvident.schema.artifacts import Finding
 from auvident.stages.identify import Identification, identify
 from auvident.storage.logs import read_trials
 from tests.bench import __main__ as bench
-from tests.bench import commands, day, floor, left_out, recovery, speed
+from tests.bench import commands, day, floor, in_turn, left_out, recovery, speed
 from tests.bench.world import equations, make_world
 from tests.engines.chain import chain_of, identified, plan_named, sample
 
@@ -43,6 +43,23 @@ def test_commands_are_timed_whole(monkeypatch) -> None:
     assert real((commands.PROGRAM, "--help")).processor_s > 0.0
     with pytest.raises(subprocess.CalledProcessError):
         real((commands.PROGRAM, "status", "nowhere"))
+
+
+def test_two_programs_take_turns(monkeypatch) -> None:
+    """Each with its own samples and runs; shares of pairs, the first of which does not count."""
+    called = []
+
+    def spent(command, environment) -> commands.Spent:
+        called.append((environment["PYTHONPATH"], *map(str, command[4:])))
+        return commands.Spent(*((3.0, 2.0) if environment["PYTHONPATH"] == "own" else (4.0, 8.0)))
+
+    monkeypatch.setattr(in_turn, "spent", spent)
+    rows = in_turn.in_turn({"other": Path("before"), "own": Path("own")}, 2, ("bay_trial",))
+    assert [row["command"] for row in rows] == ["run", "report", "diagnose", "identify"]
+    assert {(row["share"], row["share of processor s"]) for row in rows} == {(0.75, 0.25)}
+    assert [who for who, *_ in called[:6]] == ["before", "own", "own", "before", "before", "own"]
+    assert called[0][1:5] == ("run", "before/sample_logs/bay_trial", "--vehicle", called[0][4])
+    assert {line[-1].split("/")[-2] for line in called} == {"other", "own"}
 
 
 def test_a_tiled_log_is_read_and_its_growth_told(tmp_path) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 from auvident.estimation.coloured import next_variance, whiten_row
 from auvident.jit import borrowing, kernel
 from auvident.physics.readings import known_row, rows_of
-from auvident.physics.rows import add_scaled, scale
+from auvident.physics.rows import add_scaled, place_scaled
 from auvident.physics.sensing import N_CHANNELS
 from auvident.physics.term_tables import LEAD, N_STATES
 
@@ -165,7 +165,7 @@ def _add_products(rows, part, gram):
     blocks = gram.shape[1] // 4
     for i in range(gram.shape[0]):
         for block in range(i // 4, blocks):
-            scale(part, 0, rows[0, i], rows, block)
+            place_scaled(part, 0, rows[0, i], rows, block)
             for row in range(1, ROWS):
                 add_scaled(part, 0, rows[row, i], rows, row * blocks + block)
             add_scaled(gram, i * blocks + block, 1.0, part, 0)

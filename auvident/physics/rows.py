@@ -95,7 +95,7 @@ def fill(_typing: Any, out: Any, row: Any, number: Any) -> Any:
 
 
 @written
-def scale(_typing: Any, out: Any, row: Any, number: Any, values: Any, at: Any) -> Any:
+def place_scaled(_typing: Any, out: Any, row: Any, number: Any, values: Any, at: Any) -> Any:
     """``out[row] = number * values[at]``."""
     return _code(lambda r: r.write(_scaled(r)), out, ROW, NUMBER, values, ROW)
 
@@ -111,7 +111,7 @@ def _scaled(r: _Rows) -> Any:
 
 
 @written
-def multiply(
+def place_product(
     _typing: Any, out: Any, row: Any, number: Any, values: Any, a: Any, b: Any, c: Any
 ) -> Any:
     """``out[row] = number * (values[a] * values[b] * values[c])``."""

@@ -9,11 +9,11 @@ With k = M^-1 F(x, p) the rate of a state (and d angle/dt = b), a step of RK4 is
     x_0 = x,    x_1 = x + dt/2 k_0,    x_2 = x + dt/2 k_1,    x_3 = x + dt k_2
     x(end) = x + dt/6 (k_0 + 2 k_1 + 2 k_2 + k_3)
 
-First the four points x_0 .. x_3 are passed in order; powers, slopes dF/dx and rates of each are
-kept, the same at all points beside each other in rows of four (`rows`). Then the chain rule goes
-through them backwards and leaves the weight of every force at every point in each state at the end,
-in rows of the four states (`_weigh_forces`). With these the derivative by a parameter is a sum over
-the four points (`_add_parameters`)::
+First the four points x_0 .. x_3 are passed in order; powers, slopes dF/dx and rates are kept, each
+in a row of four numbers, one a point (`rows`). Then the chain rule goes through the points
+backwards and leaves the weight that every force at every point has in the states at the end, four
+states in a row (`_weigh_forces`). With these the derivative by a parameter is a sum over the four
+points (`_add_parameters`)::
 
     dx_i(end)/dp = sum over s of  dx_i(end)/dF_s (dF_s/dp - dM/dp k_s)
 
@@ -27,7 +27,14 @@ import numpy as np
 
 from auvident.jit import borrowing, kernel
 from auvident.physics.batch import ADVANCE, N_POINTS, SHARE, inverse_mass
-from auvident.physics.rows import add_product, add_scaled, add_weighted, fill, multiply, scale
+from auvident.physics.rows import (
+    add_product,
+    add_scaled,
+    add_weighted,
+    fill,
+    place_product,
+    place_scaled,
+)
 from auvident.physics.term_tables import (
     LEAD,
     N_INPUTS,
@@ -98,12 +105,12 @@ class StepWork(NamedTuple):
     f : (3,) array
         Forces.
     f_x : (3 * 19, 4) array
-        Slopes of the forces, of one after another, by point.
+        Slopes of the forces by point; that of force e by number i (states, then inputs) in row
+        19 e + i.
     weight : (12, 4) array
-        Weights of a force at the four points, of one force after another, by state at the end.
+        Weights of the forces in the states at the end; that of force e at point s in row 4 e + s.
     x_x, x_k : (4, 4) array
-        Derivatives of the states at the end by the state at a point and by its rates, each by state
-        at the end.
+        Derivatives of the states at the end by the state at a point (rows), and by its rates.
     stage : (4, >= 1) array
         State at the point.
     """
@@ -252,7 +259,7 @@ def _add_slopes(partials, coefficient, value, f_x):
         if partials[k, 5]:
             add_product(f_x, at, w, value, a, b, c)
         else:
-            multiply(f_x, at, w, value, a, b, c)
+            place_product(f_x, at, w, value, a, b, c)
 
 
 @borrowing
@@ -284,17 +291,17 @@ def _weigh_forces(dt, system, work, reached):
     x, k = work.x_x, work.x_k
     for j in range(N_STATES):
         fill(x, j, 0.0)
-        scale(reached, 1 + j, 1.0, unit, j)
+        place_scaled(reached, 1 + j, 1.0, unit, j)
     for point in range(N_POINTS - 1, -1, -1):
         for j in range(N_STATES):
-            scale(k, j, ADVANCE[point] * dt, x, j)
+            place_scaled(k, j, ADVANCE[point] * dt, x, j)
             add_scaled(k, j, SHARE[point] * (dt / 6.0), unit, j)
         for e in range(N_VELOCITIES):
-            scale(weight, N_POINTS * e + point, inverse[e, 0], k, 0)
+            place_scaled(weight, N_POINTS * e + point, inverse[e, 0], k, 0)
             add_scaled(weight, N_POINTS * e + point, inverse[3 + e, 0], k, 1)
             add_scaled(weight, N_POINTS * e + point, inverse[6 + e, 0], k, 2)
         for j in range(N_STATES):
-            scale(x, j, f_x[j, point], weight, point)
+            place_scaled(x, j, f_x[j, point], weight, point)
             add_scaled(x, j, f_x[N_PARTIALS + j, point], weight, N_POINTS + point)
             add_scaled(x, j, f_x[2 * N_PARTIALS + j, point], weight, 2 * N_POINTS + point)
         if system.active[2]:

@@ -21,6 +21,7 @@ STUDIES = (
     "totals",
     "evidence",
     "geometry",
+    "in_turn",
 )  # with options of their own
 OF_A_STUDY = (
     "population-vertical",

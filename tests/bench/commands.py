@@ -9,7 +9,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from statistics import median
 from time import perf_counter
@@ -61,7 +61,7 @@ def _of_trial(trial: str, run: Path, repeats: int) -> Rows:
     return [_row(command, trial, times) for command, times in found.items()]
 
 
-def spent(command: Sequence[str | Path]) -> Spent:
+def spent(command: Sequence[str | Path], environment: Mapping[str, str] = AS_A_USER) -> Spent:
     """Time of one command, with the processes that it starts.
 
     Raises
@@ -70,7 +70,7 @@ def spent(command: Sequence[str | Path]) -> Spent:
         When it ends with an error.
     """
     before, began = _of_children(), perf_counter()
-    subprocess.run(command, check=True, capture_output=True, env=AS_A_USER)
+    subprocess.run(command, check=True, capture_output=True, env=environment)
     return Spent(perf_counter() - began, _of_children() - before)
 
 

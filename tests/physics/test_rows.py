@@ -18,8 +18,8 @@ def _fill(out, values, weights):
 
 
 @kernel
-def _scale(out, values, weights):
-    rows.scale(out, ROW, NUMBER, values, OTHER)
+def _place_scaled(out, values, weights):
+    rows.place_scaled(out, ROW, NUMBER, values, OTHER)
 
 
 @kernel
@@ -28,8 +28,8 @@ def _add_scaled(out, values, weights):
 
 
 @kernel
-def _multiply(out, values, weights):
-    rows.multiply(out, ROW, NUMBER, values, A, B, C)
+def _place_product(out, values, weights):
+    rows.place_product(out, ROW, NUMBER, values, A, B, C)
 
 
 @kernel
@@ -50,9 +50,9 @@ def _weighted(out: np.ndarray, values: np.ndarray, weights: np.ndarray) -> np.nd
 
 LOOPS: dict[Callable[..., None], Callable[..., np.ndarray]] = {
     _fill: lambda out, values, weights: np.full(4, NUMBER),
-    _scale: lambda out, values, weights: NUMBER * values[OTHER],
+    _place_scaled: lambda out, values, weights: NUMBER * values[OTHER],
     _add_scaled: lambda out, values, weights: out[ROW] + NUMBER * values[OTHER],
-    _multiply: lambda out, values, weights: NUMBER * (values[A] * values[B] * values[C]),
+    _place_product: lambda out, values, weights: NUMBER * (values[A] * values[B] * values[C]),
     _add_product: lambda out, values, weights: (
         out[ROW] + NUMBER * (values[A] * values[B] * values[C])
     ),
