@@ -51,12 +51,15 @@ def test_two_programs_take_turns(monkeypatch) -> None:
 
     def spent(command, environment) -> commands.Spent:
         called.append((environment["PYTHONPATH"], *map(str, command[4:])))
-        return commands.Spent(*((3.0, 2.0) if environment["PYTHONPATH"] == "own" else (4.0, 8.0)))
+        compiles = 100.0 if len(called) % 6 == 2 else 0.0  # in the first of three pairs
+        own = environment["PYTHONPATH"] == "own"
+        return commands.Spent(*((3.0 + compiles, 2.0) if own else (4.0, 8.0)))
 
     monkeypatch.setattr(in_turn, "spent", spent)
     rows = in_turn.in_turn({"other": Path("before"), "own": Path("own")}, 2, ("bay_trial",))
     assert [row["command"] for row in rows] == ["run", "report", "diagnose", "identify"]
     assert {(row["share"], row["share of processor s"]) for row in rows} == {(0.75, 0.25)}
+    assert {(row["from"], row["to"], row["now s"]) for row in rows} == {(0.75, 0.75, 3.0)}
     assert [who for who, *_ in called[:6]] == ["before", "own", "own", "before", "before", "own"]
     assert called[0][1:5] == ("run", "before/sample_logs/bay_trial", "--vehicle", called[0][4])
     assert {line[-1].split("/")[-2] for line in called} == {"other", "own"}

@@ -18,8 +18,8 @@ from typing import Any
 from tests.bench import written
 from tests.bench.commands import AS_A_USER, STAGES, VEHICLES, Spent, spent
 from tests.bench.effects import program
+from tests.command_line import ROOT
 
-HERE = Path(__file__).resolve().parents[2]
 OTHER, OWN = "other", "own"
 Rows = list[dict[str, Any]]
 
@@ -32,7 +32,7 @@ def main(arguments: list[str], show: Callable[[str, Rows], None]) -> None:
     parser.add_argument("--write", action="store_true", help="replace the section of the page")
     options = parser.parse_args(arguments)
     other = options.folder.resolve()
-    rows = in_turn({OTHER: other, OWN: HERE}, options.repeats)
+    rows = in_turn({OTHER: other, OWN: ROOT}, options.repeats)
     show("commands in turn", rows)
     if options.write:
         programs = f"Program `{program(whole=True)}` and, before it, `{program(True, other)}`"
