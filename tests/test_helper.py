@@ -116,6 +116,18 @@ def large(size: int) -> bytes:
     return bytes(size)
 
 
+def whose(_: bytes) -> int:
+    return os.getpid()
+
+
+def test_what_is_told_while_it_works_waits_where_there_is_room(beside: Helper) -> None:
+    assert beside._copy is not None
+    room = beside._copy.holds_bytes
+    beside.begin(time.sleep, 0.2)
+    later, too_much = (beside.begin(whose, bytes(size)) for size in (room // 2, room))
+    assert too_much() == os.getpid() != later()
+
+
 def test_what_happens_in_the_copy_is_told_here(beside: Helper) -> None:
     told = Told()
     asked = beside.begin(watched, observer=told)

@@ -5,7 +5,6 @@ import subprocess
 import sys
 import threading
 import time
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -28,9 +27,9 @@ def with_threads(monkeypatch: pytest.MonkeyPatch):
     """Sets the number of threads."""
 
     def set_to(number: int) -> None:
-        pool = ThreadPoolExecutor(number)
+        crew = parallel._Crew(number - 1)
         monkeypatch.setattr(parallel, "threads", lambda: number)
-        monkeypatch.setattr(parallel, "_pool", lambda: pool)
+        monkeypatch.setattr(parallel, "_crew", lambda: crew)
 
     return set_to
 
@@ -113,14 +112,60 @@ def test_a_stage_runs_with_one_thread_for_linear_algebra(tmp_path: Path) -> None
     assert seen and set(seen) == {1}
 
 
-def test_what_is_asked_for_inside_is_done_by_the_same_thread(with_threads) -> None:
+@pytest.mark.parametrize("waits", ["who asked", "another"])
+def test_who_has_nothing_left_takes_part_in_what_the_last_piece_needs(waits, with_threads) -> None:
+    with_threads(2)
+    first, inside = (threading.Barrier(2, timeout=10.0) for _ in range(2))
+    asks = threading.get_ident()
+
+    def outer(_: int) -> list[int]:
+        first.wait()  # one has a piece, the other has the other
+        if (threading.get_ident() == asks) == (waits == "who asked"):
+            return []
+        return parallel.each(lambda _: inside.wait(), range(2))  # breaks where nobody helps
+
+    assert sorted(parallel.each(outer, range(2)), key=len)[0] == []
+    assert not inside.broken
+
+
+def test_pieces_within_pieces_within_pieces_come_to_an_end(with_threads) -> None:
+    with_threads(3)
+
+    def summed(depth: int) -> int:
+        return 1 + sum(parallel.each(summed, [depth - 1] * 3)) if depth else 1
+
+    assert summed(6) == sum(3**k for k in range(7))
+
+
+def test_an_error_inside_reaches_who_asked_outside(with_threads) -> None:
     with_threads(2)
 
-    def outer(k: int) -> set[int]:
-        return {threading.get_ident(), *parallel.each(lambda _: threading.get_ident(), range(3))}
+    def outer(k: int) -> list[float]:
+        return parallel.each(lambda j: 1.0 / (k - j), range(3))
 
-    assert [len(found) for found in parallel.each(outer, range(4))] == [1, 1, 1, 1]
-    both = threading.Barrier(2, timeout=10.0)  # and side by side again behind it
+    assert parallel.each(outer, [5, 4]) == [[1 / 5, 1 / 4, 1 / 3], [1 / 4, 1 / 3, 1 / 2]]
+    with pytest.raises(ZeroDivisionError):
+        parallel.each(outer, [5, 4, 1])
+
+
+def test_an_interrupt_begins_nothing_more(with_threads) -> None:
+    with_threads(2)
+    asks, begun = threading.get_ident(), []
+    interrupted = threading.Event()
+
+    def piece(k: int) -> None:
+        begun.append(k)
+        if threading.get_ident() == asks:
+            interrupted.set()
+            raise KeyboardInterrupt
+        interrupted.wait(10.0)
+        time.sleep(0.1)  # until it has reached who asked
+
+    with pytest.raises(KeyboardInterrupt):
+        parallel.each(piece, range(50))
+    time.sleep(0.2)
+    assert len(begun) <= 3
+    both = threading.Barrier(2, timeout=10.0)  # and the others are there for what comes
     assert sorted(parallel.each(lambda _: both.wait(), range(2))) == [0, 1]
 
 
@@ -141,9 +186,11 @@ def test_linear_algebra_that_is_limited_already_is_not_loaded_to_limit_it() -> N
 @pytest.mark.parametrize(("number", "loaded"), [("1", "False"), ("2", "True")])
 def test_a_module_is_loaded_beside_where_there_is_a_second_thread(number: str, loaded: str) -> None:
     script = (
-        "import sys; from auvident import parallel\n"
+        "import sys, time; from auvident import parallel\n"
         "parallel.load_beside('no.such.module'); parallel.load_beside('colorsys')\n"
-        "parallel._pool().shutdown(); print('colorsys' in sys.modules)"
+        "ends = time.monotonic() + 10.0 * (parallel.threads() > 1)\n"
+        "while 'colorsys' not in sys.modules and time.monotonic() < ends: time.sleep(0.01)\n"
+        "print('colorsys' in sys.modules)"
     )
     done = subprocess.run(
         [sys.executable, "-c", script],

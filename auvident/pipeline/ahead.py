@@ -17,10 +17,10 @@ OF_STAGES = (
     "auvident.stages.desk",
     "scipy.optimize",
 )
-# by this process before there is a helper, as both draw on it for a report
-OF_BOTH = ("pandas", "auvident.report.html")
-# by the helper while the model is identified
+# before there is a helper, or it is renewed, as both draw
 OF_REPORT = (
+    "jinja2",
+    "pandas",
     "auvident.report.html",
     "auvident.report.figures_coefficients",
     "auvident.report.figures_evidence",

@@ -25,7 +25,8 @@ Result = TypeVar("Result")
 # Of this process, those of libraries too; a copy lacks them, and might wait for them for ever.
 THREADS = Path("/proc/self/task")
 COPIED = "jemalloc_bg_thd"  # that of pyarrow's allocator, which is made to be copied
-MOST_TOLD_BYTES = 2**15  # while it is at work: less than a pipe holds, so that nobody waits
+# asked for of a pipe, which holds what is told while the other process is at work
+PIPE_BYTES = 2**20
 TOLD, MADE, RAISED, FAILED = "told", "made", "raised", "failed"
 
 
@@ -41,9 +42,10 @@ def helping(wanted: bool = True) -> "Iterator[Helper]":
 
 @dataclass
 class _Piece:
-    """A piece of work that was told to a copy, and what was heard of it so far."""
+    """A piece of work that was told to a copy in so many bytes, and what was heard of it so far."""
 
     here: Callable[[], Any]
+    told_bytes: int
     observer: Observer
     answer: tuple[str, Any] | None = None
 
@@ -81,10 +83,11 @@ class Helper:
         if self._copy is None:
             return cache(here)
         order = pickle.dumps((work, arguments, observer is not None))
-        if self._waiting and len(order) > MOST_TOLD_BYTES:
+        told = sum(piece.told_bytes for piece in self._waiting)
+        if told and told + len(order) > self._copy.holds_bytes:  # who tells would wait
             return cache(here)
         self._copy.tell(order)
-        piece = _Piece(here, observer or Observer())
+        piece = _Piece(here, len(order), observer or Observer())
         self._waiting.append(piece)
         return partial(self._result, piece)
 
@@ -120,6 +123,8 @@ class _Copy:
     def __init__(self) -> None:
         orders, tell = os.pipe()
         hear, answers = os.pipe()
+        self.holds_bytes = _widened(tell)
+        _widened(answers)  # so that the next piece is begun before anybody asks
         self._process = os.fork()
         if self._process == 0:
             _serve(orders, answers)
@@ -152,6 +157,15 @@ class _Copy:
         self._hear.close()
         with suppress(BrokenPipeError):
             self._tell.close()
+
+
+def _widened(pipe: int) -> int:
+    """Bytes that a pipe holds, many where the system grants them."""
+    import fcntl  # where there is `fork`
+
+    with suppress(OSError):
+        fcntl.fcntl(pipe, fcntl.F_SETPIPE_SZ, PIPE_BYTES)
+    return fcntl.fcntl(pipe, fcntl.F_GETPIPE_SZ)
 
 
 def _can_copy() -> bool:

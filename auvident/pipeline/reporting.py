@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from auvident.schema.combined import CombinedModel
 
 
+Parts = tuple[str, ...]  # of the figures
 WHOLE = "combine/model.json"
 REJECTED = "segment/rejected.json"
 
@@ -36,26 +37,37 @@ def report_data(given: Given, plans: bool = True) -> "ReportData":
 
 def figures_of_trials(path: Path) -> "Figures":
     """The figures of a report that rest on no model, by a process that knows the run directory."""
-    from auvident.report.html import draw_trials
+    from auvident.report.html import TRIALS, draw
     from auvident.report.html_data import ReportData
 
     run = RunDirectory(path)
     given = Given(run, run.manifest())
-    return draw_trials(ReportData(trials=given.trials, maneuvers=_maneuvers(given)))
+    data = ReportData(trials=given.trials, maneuvers=_maneuvers(given))
+    return draw(data, parts=(TRIALS,)).trials
 
 
 def figures_of_run(
-    path: Path,
-    also: frozenset[str],
-    planes: tuple[Plane, ...],
-    trials: "Figures | None" = None,
+    path: Path, also: frozenset[str], planes: tuple[Plane, ...], parts: "Parts"
 ) -> "Drawn":
-    """The figures of a report, by a process that knows where the run directory is."""
+    """Figures of a report, by a process that knows where the run directory is."""
     from auvident.report.html import draw
 
     run = RunDirectory(path)
     data = report_data(Given(run, run.manifest(), also=also, planes=planes), plans=False)
-    return draw(data, trials=trials)
+    return draw(data, parts=parts)
+
+
+def shared_out(with_trials: bool) -> "tuple[Parts, Parts]":
+    """What the helper draws of a report, and what who also finds out what to fly next does.
+
+    Either takes about as long. ``with_trials``: the figures of the trials are still to be drawn;
+    without them the kernels that plan are loaded already, too.
+    """
+    from auvident.report.html import PARTS, TRIALS
+
+    here = {"innovations", "lacks"} if with_trials else {"coefficients"}
+    there = [*([TRIALS] if with_trials else []), *(part for part in PARTS if part not in here)]
+    return tuple(there), tuple(here)
 
 
 def _whole(given: Given) -> "CombinedModel | None":

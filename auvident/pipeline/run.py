@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from auvident.errors import AuvidentError, NumericsError, StageError
-from auvident.pipeline.ahead import OF_BOTH, OF_INGEST, OF_REPORT, OF_STAGES, load
+from auvident.pipeline.ahead import OF_INGEST, OF_REPORT, OF_STAGES, load
 from auvident.pipeline.execution import Executed, Execution
 from auvident.pipeline.freshness import Decision, Wanted, first_broken, in_planes, judge, judge_all
 from auvident.pipeline.given import Given
@@ -93,7 +93,7 @@ def run_stage(
         wanted = _wanted(stage, run, options or {}, seed)
         helped = stage.helped and _size_of_trials(run) <= MOST_BYTES_BESIDE
         if helped:
-            load(OF_BOTH)
+            load(OF_REPORT)
         with helping(helped) as helper:
             given = Given(run, manifest, observer=observer, helper=helper)
             execution = Execution.begun(stage, wanted, options or {}, given)
@@ -214,14 +214,12 @@ class _Progress:
         """What a stage comes to; who has nothing else to do loads what will be needed."""
         helper = self.given.helper
         if execution.stage.after or not helper.is_beside:
-            if execution.stage.name == "identify":
-                helper.begin(load, OF_REPORT)
-            elif execution.stage.name == "refine" and helper.is_beside and self.is_reported:
+            if execution.stage.name == "refine" and helper.is_beside and self.is_reported:
                 drawn = helper.begin(figures_of_trials, execution.given.run.path)
                 execution.given.kept[TRIALS_DRAWN] = drawn
             return execution.here()
         made = execution.beside()
-        load(OF_STAGES)
+        load((*OF_STAGES, *(OF_REPORT if self.is_reported else ())))
         return made()
 
     def _settle(self) -> None:

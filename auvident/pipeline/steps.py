@@ -4,7 +4,7 @@ Imports stand inside for speed: a command loads only what it uses.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -438,16 +438,18 @@ def combine(given: Given) -> dict[str, Any]:
 
 def report(given: Given) -> dict[str, Any]:
     """Everything that the run knows as one HTML file."""
-    from auvident.pipeline.reporting import figures_of_run, report_data
-    from auvident.report.html import render
+    from auvident.pipeline.reporting import figures_of_run, report_data, shared_out
+    from auvident.report.html import draw, render
 
     early = given.kept.pop(TRIALS_DRAWN, None)
-    order = given.run.path, given.also, given.planes, early and early()
-    drawn = given.helper.begin(figures_of_run, *order)
+    theirs, own = shared_out(with_trials=early is None)
+    others = given.helper.begin(figures_of_run, given.run.path, given.also, given.planes, theirs)
     data = report_data(given)
     if given.helper.is_beside:
         _ = [view.plan for view in data.planes]  # while the other process draws
-        pages = {"report/report.html": render(data, drawn=drawn())}
+        drawn = draw(data, parts=own).beside(others())
+        drawn = replace(drawn, trials=early()) if early else drawn
+        pages = {"report/report.html": render(data, drawn=drawn)}
     else:
         pages = {"report/report.html": render(data)}
     if given.options["interactive"]:

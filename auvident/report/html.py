@@ -1,7 +1,7 @@
 """The HTML report: one file, nothing outside of it; scripts only in the interactive one."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -59,31 +59,35 @@ class Drawn:
     trials: Figures
     planes: Sequence[Figures]
 
+    def beside(self, other: "Drawn") -> "Drawn":
+        """Together with other parts of the same page."""
+        planes = zip(self.planes, other.planes, strict=True)
+        return Drawn({**self.trials, **other.trials}, [{**a, **b} for a, b in planes])
 
-def draw(report: ReportData, live: bool = False, trials: Figures | None = None) -> Drawn:
-    """All figures of a page; they do not show what to fly next.
+
+def draw(report: ReportData, live: bool = False, parts: Collection[str] | None = None) -> Drawn:
+    """Figures of a page; they do not show what to fly next.
 
     Parameters
     ----------
     report : ReportData
     live : bool
         Whether they are drawn by plotly in the browser, to hover and zoom.
-    trials : mapping, optional
-        Those of the trials, by `draw_trials`; else they are drawn now.
+    parts : collection of str, optional
+        `TRIALS`, which needs no more than the trials and their maneuvers, and of `PARTS`; all of
+        them if not given.
     """
     from auvident.report.figures import style
 
-    trials = trials or draw_trials(report, live)
     with style(live):
-        return Drawn(trials, [_figures(data) for data in report.planes])
+        return Drawn(
+            _of_trials(report) if parts is None or TRIALS in parts else {},
+            [_figures(data, PARTS if parts is None else parts) for data in report.planes],
+        )
 
 
-def draw_trials(report: ReportData, live: bool = False) -> Figures:
-    """The figures of a page that need no more than the trials and their maneuvers."""
-    from auvident.report.figures import style
-
-    with style(live):
-        return {"timelines": _safe(_timelines(report)), "tracks": _safe(_tracks(report))}
+def _of_trials(report: ReportData) -> Figures:
+    return {"timelines": _safe(_timelines(report)), "tracks": _safe(_tracks(report))}
 
 
 def render(report: ReportData, live: bool = False, drawn: Drawn | None = None) -> str:
@@ -221,14 +225,10 @@ def _safe(texts: Sequence[str | None]) -> "list[Markup]":
     return [Markup(text) for text in texts if text]
 
 
-def _figures(report: ReportData) -> Figures:
-    """All figures of a plane."""
-    return {
-        "predictions": _safe(_predictions(report)),
-        **{name: _safe(found) for name, found in _coefficients(report).items()},
-        "innovations": _safe(_innovations(report)),
-        **{name: _safe(found) for name, found in loop_figures(report).items()},
-    }
+def _figures(report: ReportData, parts: Collection[str]) -> Figures:
+    """Some parts of the figures of a plane."""
+    drawn = [draw_part(report) for part, draw_part in PARTS.items() if part in parts]
+    return {name: _safe(found) for figures in drawn for name, found in figures.items()}
 
 
 def _drawn(report: ReportData) -> "list[list[Trial]]":
@@ -255,7 +255,7 @@ def _tracks(report: ReportData) -> list[str | None]:
     return [track(g, maneuvers, f"track{i}") for i, g in enumerate(_drawn(report))]
 
 
-def _predictions(report: ReportData) -> list[str]:
+def _predictions(report: ReportData) -> list[str | None]:
     from auvident.report.figures_prediction import prediction
 
     if report.simulation is None:
@@ -301,6 +301,16 @@ def _innovations(report: ReportData) -> list[str | None]:
     if table is None:
         return []
     return [innovations(table, report.final_tests, report.role, f"innovations{report.tag}")]
+
+
+# figures of a plane, by what they show
+TRIALS = "trials"
+PARTS: Mapping[str, Callable[[ReportData], dict[str, list[str | None]]]] = {
+    "predictions": lambda report: {"predictions": _predictions(report)},
+    "coefficients": _coefficients,
+    "innovations": lambda report: {"innovations": _innovations(report)},
+    "lacks": loop_figures,
+}
 
 
 def _trials_left_out(report: ReportData) -> list[str]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ import pandas as pd
 
 from auvident.engines.setup import Setup
 from auvident.errors import NumericsError
+from auvident.parallel import all_of
 from auvident.schema.artifacts import IdentifiedModel, Maneuvers
 from auvident.schema.diagnosis import Diagnosis
 from auvident.schema.planes import Plane
@@ -123,21 +125,26 @@ def _diagnosed(
     traced, events = traced_without_events(pushes, trace)
     traced = narrowed(traced, trials, maneuvers)
     tell("forces without a named cause", None)
-    evidence = _evidence(traced, candidates, pushes, events, missing)
+    evidence, residuals = all_of(
+        partial(_evidence, traced, candidates, pushes, events, missing),
+        partial(residual_table, traced, maneuvers),
+    )
     tell("verdict", None)
-    return Diagnosed(diagnosis_of(evidence, model), residual_table(traced, maneuvers))
+    return Diagnosed(diagnosis_of(evidence, model), residuals)
 
 
 def _in_horizontal(trials: Sequence[Trial], vehicle: Vehicle) -> list[SensorCheck]:
-    found = heading_against_gyro(trials), position_against_dvl(trials, vehicle.dvl)
+    found = all_of(
+        partial(heading_against_gyro, trials), partial(position_against_dvl, trials, vehicle.dvl)
+    )
     return [check for check in found if check is not None]
 
 
 def _in_vertical(trials: Sequence[Trial], vehicle: Vehicle) -> list[SensorCheck]:
-    found = (
-        pitch_against_gyro(trials),
-        depth_against_dvl(trials, vehicle),
-        position_in_dives(trials, vehicle.dvl),
+    found = all_of(
+        partial(pitch_against_gyro, trials),
+        partial(depth_against_dvl, trials, vehicle),
+        partial(position_in_dives, trials, vehicle.dvl),
     )
     return [check for check in found if check is not None]
 
@@ -157,13 +164,19 @@ def _evidence(
     missing: Sequence[str],
 ) -> Evidence:
     case, final = traced.case, traced.final
+    pieces = pieces_of(case, final.residuals, pushes.headings)
+    free, rival, wave = all_of(
+        partial(free_forces, case, final, traced.without),
+        partial(rival_of, traced),
+        partial(find_wave, pieces, plane=case.plane),
+    )
     return Evidence(
         traced,
         candidates,
         tuple(events),
-        wave=find_wave(pieces_of(case, final.residuals, pushes.headings), plane=case.plane),
-        free=tuple(free_forces(case, final, traced.without)),
-        rival=rival_of(traced),
+        wave=wave,
+        free=tuple(free),
+        rival=rival,
         missing=tuple(missing),
         least_push=pushes.smallest(final),
     )

@@ -180,8 +180,10 @@ def fit_windows(
         return np.concatenate([predict(s, at)[s.rows] for s in stretches])
 
     keep, x = np.ones(len(window), dtype=bool), np.zeros(len(prior))
-    told = _normal(residual, x, prior, keep, window, cluster).white() <= np.square(reach)
-    for _ in range(ITERATIONS):
+    normal = _normal(residual, x, prior, keep, window, cluster)
+    told = normal.white() <= np.square(reach)
+    x = np.clip(x + normal.step(), -reach, reach)
+    for _ in range(ITERATIONS - 1):
         x = np.clip(x + _normal(residual, x, prior, keep, window, cluster).step(), -reach, reach)
     keep = _inliers(residual(x), window)
     for _ in range(ITERATIONS):
