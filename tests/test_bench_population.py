@@ -108,7 +108,7 @@ def test_outcomes_of_the_other_half_are_not_scored(half, tmp_path, capsys):
 def test_trials_of_the_same_program_are_not_sailed_again(tmp_path, monkeypatch, capsys):
     sailed = []
 
-    def outcome(seed, short, until, plane, planted=None, shown=()):
+    def outcome(seed, short, until, plane, planted=None, shown=(), times=1.0):
         sailed.append(seed)
         return outcome_with(seed)
 
@@ -404,7 +404,8 @@ def test_of_planted_effects_those_that_show_may_be_looked_at_alone(shows, monkey
     assert outcome(4, **ways, shown=("pair",), run=refused)["stage"] == PASSED
     assert outcome(40032, until="ingest", shown=("single",), run=refused)["stage"] == PASSED
     kinds = [("single",), ("pair",), ("single", "pair")]  # what one passes another looks at
-    assert len({key_of(4, True, "refine", shown=shown) for shown in kinds}) == len(kinds)
+    keys = {key_of(4, True, "refine", shown=s, times=times) for s in kinds for times in (1.0, 2.0)}
+    assert len(keys) == 2 * len(kinds)
 
 
 @pytest.mark.parametrize("seed", [40000, 40010, 40032])

@@ -39,7 +39,7 @@ def main(arguments: list[str], show: Show) -> None:
     planted = () if options.clean else tuple(options.planted) or None
     shown = tuple(options.shown)
     ways = {"short": short, "until": options.until, "plane": plane}
-    ways |= {"planted": planted, "shown": shown}
+    ways |= {"planted": planted, "shown": shown, "times": options.times}
     if options.score is not None:
         kept = read_outcomes(options.score, with_bugs=True)
     else:
@@ -62,6 +62,7 @@ def main(arguments: list[str], show: Show) -> None:
         done = [one for one in every if one.get("stage") != GENERATOR]
         parts = ["population", *([plane] if plane != "horizontal" else []), *options.planted]
         parts += ["clean"] * options.clean + [f"shown-{kind}" for kind in shown]
+        parts += [f"{options.times:g}-times"] * (options.times != 1.0)
         written.write("-".join(parts), measured(done, options.half), without_empty(found))
 
 
@@ -111,6 +112,7 @@ def _options(arguments: list[str]) -> argparse.Namespace:
     parser.add_argument("--planted", nargs="+", default=[], help="effects, in place of drawn ones")
     parser.add_argument("--clean", action="store_true", help="nothing is planted in any of them")
     parser.add_argument("--shown", nargs="+", default=[], choices=("single", "pair"), help=SHOWN)
+    parser.add_argument("--times", type=float, default=1.0, help="size of what is planted")
     parser.add_argument("--long", action="store_true", help="logs of 10 to 60 minutes")
     parser.add_argument("--score", type=Path, help="sail nothing, score the outcomes in a file")
     parser.add_argument("--json", type=Path, help="file for the tables")

@@ -57,24 +57,26 @@ def outcome(
     plane: str = "horizontal",
     planted: tuple[str, ...] | None = None,
     shown: tuple[str, ...] = (),
+    times: float = 1.0,
     run: Callable[..., Any] = run_stage,
 ) -> Outcome:
     """What the program says of a trial; a refusal is an outcome, and so is a bug.
 
     With `until` the chain ends behind that stage, and the effects are not looked at. `planted`
     takes the place of what is drawn. Of `shown` kinds the program sees those trials alone in which
-    all that is planted shows by the rule of the generator; the others are `PASSED`.
+    all that is planted shows by the rule of the generator; the others are `PASSED`. What is planted
+    has so many `times` its usual size.
     """
     from seatrial.population import draw, kind_of
 
-    key = key_of(seed, short, until, plane, planted, shown)
+    key = key_of(seed, short, until, plane, planted, shown, times)
     began, found = perf_counter(), _case(seed, key, "none", ())
     if shown and kind_of(seed, planted, plane) not in shown:
         return {**found, "stage": PASSED}
     with tempfile.TemporaryDirectory(prefix="auvident-population-") as name:
         folder = Path(name)
         try:
-            drawn = draw(seed, short, planted, plane=plane)
+            drawn = draw(seed, short, planted, plane=plane, times=times)
             found = _case(seed, key, drawn.kind, tuple(drawn.planted))
             sailed = drawn.sail()
             judged = _judged_by_rule(drawn, sailed) if shown or until == WANTED[-1] else {}
@@ -116,10 +118,12 @@ def key_of(
     plane: str = "horizontal",
     planted: tuple[str, ...] | None = None,
     shown: tuple[str, ...] = (),
+    times: float = 1.0,
 ) -> str:
     """Name of a trial in the file of outcomes."""
     ways = {plane: plane != "horizontal", "long": not short, until: until != WANTED[-1]}
     ways |= {"clean": planted == (), **{f"shown-{kind}": True for kind in shown}}
+    ways |= {f"{times:g}-times": times != 1.0}
     return "-".join([str(seed), *(way for way, told in ways.items() if told), *(planted or ())])
 
 

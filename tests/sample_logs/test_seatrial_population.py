@@ -359,6 +359,24 @@ def test_every_effect_that_can_be_planted_has_a_size():
     assert {*SINGLES, *LATER, *OUTSIDE} == known == {"current", *RANGES}
 
 
+@pytest.mark.parametrize(
+    ("effect", "symbol", "by"),
+    [
+        ("rudder_lag", "lag_s", 3.0),
+        ("current", "north_mps", 3.0),
+        ("rudder_rate_limit", "rate_degps", 1.0 / 3.0),
+        ("rudder_stall", "angle_deg", 1.0),
+        ("thrust_step", "time_s", 1.0),
+    ],
+)
+def test_what_is_planted_in_a_multiple_of_its_size_is_the_same_otherwise(effect, symbol, by):
+    usual, more = (
+        draw_sizes((effect,), REMUS_SCALES, np.random.default_rng(5), times=times)[effect]
+        for times in (1.0, 3.0)
+    )
+    assert more[symbol] == pytest.approx(by * usual[symbol], rel=1e-12)
+
+
 def test_sizes_grow_with_the_vehicle():
     large = Size(5.32, 0.764, 3.0, 1026.0)  # four times the length, twice the speed
     for effect, power in (("rudder_lag", 2.0), ("wave", 64.0), ("gyro_bias", 0.5)):

@@ -236,6 +236,7 @@ def draw(
     short: bool = True,
     planted: tuple[str, ...] | None = None,
     plane: str = "horizontal",
+    times: float = 1.0,
 ) -> Drawn:
     """A new vehicle and its trial.
 
@@ -245,6 +246,7 @@ def draw(
     short : about ten minutes, longer where L/U is large; else 10 to 60
     planted : ids of effects instead of those that the seed draws
     plane : in which it maneuvers, "horizontal" or "vertical"
+    times : sizes of what is planted, in those that the seed draws
     """
     upright = plane == "vertical"
     refused: list[str] = []
@@ -281,7 +283,7 @@ def draw(
     seconds = float(legs[:, helm.DURATION].sum())
     depth = float(np.nanmedian(legs[:, helm.DEPTH]))
     scales = Scales(size, rpm / 60.0, thrust_at_speed(vehicle, size), seconds, depth)
-    effects = draw_sizes(names, scales, rng, plane)
+    effects = draw_sizes(names, scales, rng, plane, times)
     drawn = (vehicle, size, gains, equipment, legs, notes, stated, facts, tuple(refused))
     return Drawn(seed, *drawn, kind, effects, plane)
 

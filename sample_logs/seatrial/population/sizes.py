@@ -16,6 +16,7 @@ from seatrial.population.form import Size
 from seatrial.population.sizes_vertical import OWN
 
 STRENGTH = (0.5, 1.5)
+LIMITS = ("rudder_rate_limit", "elevator_rate_limit")  # the less, the more they do
 
 
 @dataclass(frozen=True)
@@ -178,12 +179,16 @@ def unit(kind: str, scales: Scales) -> float:
 
 
 def draw_sizes(
-    names: tuple[str, ...], scales: Scales, rng: np.random.Generator, plane: str = "horizontal"
+    names: tuple[str, ...],
+    scales: Scales,
+    rng: np.random.Generator,
+    plane: str = "horizontal",
+    times: float = 1.0,
 ) -> dict:
-    """Parameters of the effects planted in a trial of a plane, by id."""
+    """Parameters of the effects planted in a trial of a plane, by id; so many times the usual."""
     planted = {}
     for name in names:
-        strength = float(rng.uniform(*STRENGTH))
+        strength = float(rng.uniform(*STRENGTH)) * (1.0 / times if name in LIMITS else times)
         if name == "current":
             drift = strength * rng.uniform(*CURRENT) * scales.size.speed
             angle = float(rng.uniform(-math.pi, math.pi))
