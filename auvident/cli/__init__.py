@@ -22,6 +22,9 @@ INTERRUPTED_EXIT_CODE = 130  # 128 + SIGINT, as shells count
 # modules alone are 230,000 objects; a whole run makes 400,000, and of them no memory that counts
 # lies in cycles.
 COLLECTED_AFTER = (500_000, 50, 100)
+# pydantic looks for plugins among all packages that are installed, and no plugin has a part in what
+# is read here
+os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
 EPILOG = ending(
     "auvident run sample_logs/harbour_trial --vehicle sample_logs/remus100.toml --run runs/demo"
 )

@@ -126,7 +126,7 @@ def turned(target, angle, slowness, h, keep, most, trailing):
         distance = target - angle
         if distance == 0.0:  # mostly at once: without a lag only the longest turns take a step
             break
-        lying, turn = substep(distance, per_angle, keep, most, trailing)
+        lying, turn = substep(distance, per_angle, 1.0 - keep, most, trailing)
         short, angle = short + lying, angle + turn
     return target - short / SUBSTEPS, arrived(angle, target)
 
@@ -138,12 +138,12 @@ def arrived(value, target):
 
 
 @borrowing
-def substep(distance, per_angle, keep, most, trailing):
+def substep(distance, per_angle, made_up, most, trailing):
     """How far short of its target a servo lies in the mean over a substep, and how far it turns."""
     turning = abs(distance) * per_angle
     limited = 0.5 * turning if turning <= 1.0 else 1.0 - 0.5 / turning
     lying = max(trailing, limited) * distance
-    return lying, min(max(distance * (1.0 - keep), -most), most)
+    return lying, min(max(distance * made_up, -most), most)
 
 
 @kernel
@@ -271,14 +271,19 @@ def _turn_fins(past, command, dt, e, angle):
     each; of one servo `follow` says the same.
     """
     count, last = e.shape[0], command.shape[0] - 1
-    parts, lasts, whole = np.ones((count, 2, 4)), np.empty((2, count)), np.empty(count, np.int64)
+    parts, lasts, whole = np.ones((2, 4)), np.empty((2, count)), np.empty(count, np.int64)
+    turning = np.ones((2, 4, count))
     taken, reached = np.empty(count), np.empty(count)
     target, short = np.empty(count), np.empty(count)
     for v in range(count):
         whole[v] = math.floor(e[v, DELAY] / dt)
         lasts[0, v] = e[v, DELAY] / dt - whole[v]
         lasts[1, v] = 1.0 - lasts[0, v]
-        servo_parts(e[v], dt, lasts[0, v], parts[v])
+        servo_parts(e[v], dt, lasts[0, v], parts)
+        for part in range(2):
+            h, keep, most, trailing = parts[part]
+            turning[part, 0, v], turning[part, 1, v] = max(e[v, SLOWNESS], 0.0) / h, 1.0 - keep
+            turning[part, 2, v], turning[part, 3, v] = most, trailing
         first = command[min(max(-whole[v] - (lasts[0, v] > 0.0), 0), last)]
         taken[v] = play_after(past, first, e[v])  # the play is where the orders before it left it
         reached[v] = unequal(taken[v], e[v, ASYMMETRY])
@@ -295,7 +300,7 @@ def _turn_fins(past, command, dt, e, angle):
                     target[v] = unequal(taken[v], e[v, ASYMMETRY])
                     turns = turns or target[v] != reached[v]
             if turns:
-                _turn_together(parts, part, e, target, short, reached)
+                _turn_together(turning[part], target, short, reached)
             for v in range(count):
                 reached[v] = arrived(reached[v], target[v])
                 if lasts[part, v] > 0.0:
@@ -303,13 +308,14 @@ def _turn_fins(past, command, dt, e, angle):
 
 
 @borrowing
-def _turn_together(parts, part, e, target, short, reached):
-    """Turn every servo for a part of a step; adds to `short` and `reached` (v,)."""
+def _turn_together(turning, target, short, reached):
+    """Turn every servo for a part of a step, with constants (4, v); adds to the last two (v,)."""
+    per_angle, made_up, most, trailing = turning
     for _ in range(SUBSTEPS):
         for v in range(target.shape[0]):
-            h, keep, most, trailing = parts[v, part]
-            distance, per_angle = target[v] - reached[v], max(e[v, SLOWNESS], 0.0) / h
-            lying, turn = substep(distance, per_angle, keep, most, trailing)
+            lying, turn = substep(
+                target[v] - reached[v], per_angle[v], made_up[v], most[v], trailing[v]
+            )
             short[v] += lying
             reached[v] += turn
 
