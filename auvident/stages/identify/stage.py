@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,7 @@ from auvident.engines.jackknife import (
 from auvident.engines.setup import Outcome, Setup
 from auvident.errors import NumericsError
 from auvident.estimation.identifiability import Direction, unseen_directions
+from auvident.parallel import all_of
 from auvident.schema.artifacts import (
     AseResult,
     Finding,
@@ -155,10 +157,13 @@ def identify(
     findings = overlap_findings(trials, maneuvers, plane)
     findings += unread_findings(trials, maneuvers, plane, setup)
     findings += pitch_findings(setup, ase)
-    model = _judged(setup, end, ase, vehicle, carried, [*findings, *end.findings])
+    model, states = all_of(
+        partial(_judged, setup, end, ase, vehicle, carried, [*findings, *end.findings]),
+        partial(states_of, setup, end.outcome.parameters),
+    )
     model = with_both(model, shared, ase) if shared else model
     history = history_of(setup, [step for steps, _ in runs for step in steps])
-    return Identification(model, history, states_of(setup, end.outcome.parameters))
+    return Identification(model, history, states)
 
 
 @dataclass(frozen=True)
@@ -208,12 +213,14 @@ def _judged(
     """The model with what single maneuvers, the prior and its likelihood say of it."""
     final, stage = end.outcome, end.stage
     by_maneuver = information_by_maneuver(setup, final, stage)
-    courses, pushes = left_out_courses(setup, final, stage, *by_maneuver, ase.length_m)
+    (courses, pushes), (profiled, bent) = all_of(
+        partial(left_out_courses, setup, final, stage, *by_maneuver, ase.length_m),
+        partial(profiles_of, setup, final, stage, carried.effects),
+    )
     left_out, moved = left_out_of(setup, courses, pushes)
     scatter = scatter_of(*by_maneuver)
     claim, disputed = scatter_claimed(*by_maneuver[:2])
     against, contradicted = prior_against_data(setup, final, *by_maneuver, ase)
-    profiled, bent = profiles_of(setup, final, stage, carried.effects)
     ignored = ignored_channels(setup, final, stage)
     unsteady = course_findings(setup.structure, final.parameters, ase.length_m)
     told = [*ignored, *contradicted, *findings, *moved, *disputed, *bent, *unsteady]
