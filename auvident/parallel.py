@@ -98,7 +98,9 @@ class _Crew:
             while self._take_piece(work):
                 pass
         finally:
-            work.untaken.clear()  # where this thread was interrupted
+            with self._changed:
+                work.untaken.clear()  # where this thread was interrupted
+                self._open()
         while other := self._needed(work):
             self._take_piece(other)
 
@@ -122,13 +124,12 @@ class _Crew:
 
     def _needed(self, work: _Shared[Any, Any]) -> _Shared[Any, Any] | None:
         """What is offered last of all that a work waits for; None once it is done."""
-
-        def found() -> list[_Shared[Any, Any]]:
-            return [other for other in self._open() if other.is_for(work)]
-
         with self._changed:
-            self._changed.wait_for(lambda: work.is_done or found())
-            return None if work.is_done else found()[-1]
+            while not work.is_done:
+                if needed := [other for other in self._open() if other.is_for(work)]:
+                    return needed[-1]
+                self._changed.wait()
+            return None
 
     def _open(self) -> list[_Shared[Any, Any]]:
         """What is offered and not all begun."""
@@ -141,12 +142,17 @@ class _Crew:
                 self._changed.wait_for(self._open)
                 work = self._offered[0]
             self._take_piece(work)
+            del work  # which may hold the data of a whole trial
 
 
 @cache
 def _crew() -> _Crew:
     """All threads but the one that asks."""
     return _Crew(threads() - 1)
+
+
+if hasattr(os, "register_at_fork"):  # a copy of this process has none of its threads
+    os.register_at_fork(after_in_child=_crew.cache_clear)
 
 
 def each(

@@ -183,6 +183,24 @@ def test_linear_algebra_that_is_limited_already_is_not_loaded_to_limit_it() -> N
         assert done.stdout.strip() == loaded
 
 
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no copies of processes")
+def test_a_copy_of_the_process_has_threads_of_its_own() -> None:
+    script = (
+        "import os, threading; from auvident.parallel import each\n"
+        "def both():\n"
+        "    barrier = threading.Barrier(2, timeout=10.0)\n"
+        "    return sorted(each(lambda _: barrier.wait(), range(2)))\n"
+        "both(); copy = os.fork()\n"
+        "if copy == 0: os._exit(both() != [0, 1])\n"
+        "print(os.waitpid(copy, 0)[1])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-W", "ignore", "-c", script],
+        check=True, capture_output=True, text=True, env={**os.environ, parallel.VARIABLE: "2"},
+    )  # fmt: skip
+    assert done.stdout.strip() == "0"
+
+
 @pytest.mark.parametrize(("number", "loaded"), [("1", "False"), ("2", "True")])
 def test_a_module_is_loaded_beside_where_there_is_a_second_thread(number: str, loaded: str) -> None:
     script = (
