@@ -160,12 +160,15 @@ class _Copy:
 
 
 def _widened(pipe: int) -> int:
-    """Bytes that a pipe holds, many where the system grants them."""
+    """Bytes that a pipe surely holds, many where the system grants them.
+
+    Half of what it has room for: what is told begins on a page of memory of its own.
+    """
     import fcntl  # where there is `fork`
 
     with suppress(OSError):
         fcntl.fcntl(pipe, fcntl.F_SETPIPE_SZ, PIPE_BYTES)
-    return fcntl.fcntl(pipe, fcntl.F_GETPIPE_SZ)
+    return fcntl.fcntl(pipe, fcntl.F_GETPIPE_SZ) // 2
 
 
 def _can_copy() -> bool:
