@@ -125,6 +125,13 @@ def test_to_identify_needs_no_tables_and_no_special_functions(demo: Path) -> Non
     assert not {"pandas", "scipy.special", "matplotlib", "jinja2"} & loaded
 
 
+@pytest.mark.parametrize("stage", ["segment", "diagnose"])
+def test_to_find_maneuvers_or_effects_needs_no_tables(stage: str, demo: Path) -> None:
+    loaded = loaded_by([stage, str(demo)])
+    assert "numpy" in loaded
+    assert not {"pandas", "matplotlib", "jinja2"} & loaded
+
+
 def loaded_by(command: Sequence[str]) -> set[str]:
     """Modules that a command has loaded when it ends."""
     script = (

@@ -25,16 +25,16 @@ def uninterrupted(
     UsageError
         There is no such stretch.
     """
-    table = trial.table
-    missing = [c for c in needed if c not in table]
+    columns = trial.columns
+    missing = [c for c in needed if c not in columns]
     if missing:
         raise InputError(
             f"the log has no {missing[0]}",
             f"trial {trial.name}",
             "The simulation needs it as an input.",
         )
-    time = table[TIME_COLUMN].to_numpy()
-    known = np.isfinite(table[list(needed)].to_numpy(float)).all(axis=1)
+    time = columns[TIME_COLUMN]
+    known = np.all([np.isfinite(columns[c]) for c in needed], axis=0)
     known &= (time >= window_s[0]) & (time <= window_s[1])
     edges = np.flatnonzero(np.diff(np.concatenate(([False], known, [False]))))
     pairs = [(a, b) for a, b in edges.reshape(-1, 2) if b - a >= LEAST_ROWS]

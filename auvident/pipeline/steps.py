@@ -75,7 +75,7 @@ def cruising_speed(trials: "list[Trial]") -> float | None:
     """Median speed under way, None when the vehicle never is."""
     import numpy as np
 
-    speeds = np.concatenate([trial.table["u_mps"].to_numpy() for trial in trials])
+    speeds = np.concatenate([trial.columns["u_mps"] for trial in trials])
     under_way = speeds[speeds > LEAST_UNDER_WAY_MPS]  # NaN compares false
     return float(np.median(under_way)) if under_way.size else None
 

@@ -144,12 +144,12 @@ def rpm_levels(
     NumericsError
         When the propeller never turns ahead in them.
     """
-    by_name = {trial.name: trial.table for trial in trials}
+    by_name = {trial.name: trial.columns for trial in trials}
     used = []
     for m in maneuvers:
-        table = by_name[m.trial]
-        inside = (table["time_s"] >= m.t_start_s) & (table["time_s"] <= m.t_end_s)
-        used.append(table["rpm"].to_numpy()[inside.to_numpy()])
+        columns = by_name[m.trial]
+        inside = (columns["time_s"] >= m.t_start_s) & (columns["time_s"] <= m.t_end_s)
+        used.append(columns["rpm"][inside])
     rpm = np.concatenate(used)
     ahead = rpm[rpm > 0]
     if not ahead.size:

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import pandas as pd
 
 from auvident.engines.setup import Setup
 from auvident.errors import NumericsError
@@ -15,7 +14,7 @@ from auvident.parallel import all_of
 from auvident.schema.artifacts import IdentifiedModel, Maneuvers
 from auvident.schema.diagnosis import Diagnosis
 from auvident.schema.planes import Plane
-from auvident.schema.trial import Trial
+from auvident.schema.trial import Columns, Trial
 from auvident.schema.vehicle import Vehicle
 from auvident.stages.diagnose.checks.events import Event
 from auvident.stages.diagnose.checks.kinematics import (
@@ -56,7 +55,7 @@ class Diagnosed:
     """What `diagnose` returns: the verdict with its evidence, and the residuals."""
 
     diagnosis: Diagnosis
-    residuals: pd.DataFrame
+    residuals: Columns
 
 
 def diagnose(

@@ -117,15 +117,16 @@ def planes_logged(trial: Trial, found: Found) -> tuple[Plane, ...]:
 
     What is not logged would count as zero, at which no elevator stays.
     """
-    time = trial.table[TIME_COLUMN].to_numpy()
+    columns = trial.columns
+    time = columns[TIME_COLUMN]
     rows = (time >= found.piece.time(found.start)) & (time < found.piece.time(found.stop))
-    if RECORD_COLUMN in trial.table:
-        rows &= trial.table[RECORD_COLUMN].to_numpy() >= 0
+    if RECORD_COLUMN in columns:
+        rows &= columns[RECORD_COLUMN] >= 0
 
     def has(plane: Plane) -> bool:
         row = BY_PLANE[plane]
         fin = row.control_columns[0]
-        return not trial.lacking(row.needed) and bool(trial.table[fin].notna()[rows].all())
+        return not trial.lacking(row.needed) and not np.isnan(columns[fin][rows]).any()
 
     return tuple(p for p in found.planes if p == found.plane or has(p))
 
@@ -136,12 +137,11 @@ def pieces_of(trial: Trial, plane: Plane = "horizontal") -> list[Piece]:
     Short gaps of a sensor are bridged so that a maneuver is recognised as a whole; `record`
     remembers them.
     """
-    table = trial.table
     needed = {*NEEDED, *BY_PLANE[plane].needed}
-    if any(column not in table for column in needed):
+    if any(column not in trial.columns for column in needed):
         return []
-    columns = {c: table[c].to_numpy(dtype=float).copy() for c in table.columns if c in _READ}
-    record = table[RECORD_COLUMN].to_numpy() if RECORD_COLUMN in table else np.zeros(len(table))
+    columns = {c: values.astype(float) for c, values in trial.columns.items() if c in _READ}
+    record = trial.columns.get(RECORD_COLUMN, np.zeros(len(trial)))
     usable = np.all([np.isfinite(columns[c]) for c in needed], axis=0) & (record >= 0)
     label = np.where(usable, record, -1).astype(np.int64)
     for column in needed:

@@ -117,9 +117,9 @@ def test_residuals_are_measured_minus_predicted(name) -> None:
     table = diagnosed(name).residuals
     for row in diagnosis(name).residuals:
         column = {"u": "u_mps", "v": "v_mps", "r": "r_radps"}[row.channel]
-        part = table[table["maneuver"] == row.maneuver]
+        part = table["maneuver"] == row.maneuver
         for when, rms in (("before", row.rms), ("after", row.rms_after)):
-            error = part[f"{column}_measured"] - part[f"{column}_{when}"]
+            error = (table[f"{column}_measured"] - table[f"{column}_{when}"])[part]
             assert np.sqrt(np.nanmean(error**2)) == pytest.approx(rms, rel=1e-9)
 
 

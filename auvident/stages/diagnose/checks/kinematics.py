@@ -136,7 +136,7 @@ def heading_against_gyro(trials: Sequence[Trial]) -> SensorCheck | None:
     if found is None:
         return None
     mean, covariance, samples, rms = found
-    if not all("roll_rad" in trial.table for trial in trials):
+    if not all("roll_rad" in trial.columns for trial in trials):
         covariance[1, 1] += HEEL_SCALE**2
     covariance[2, 2] += HEADING_LATENCY_S**2
     return SensorCheck(names, mean, covariance, samples, rms, "heading log against yaw gyro")

@@ -88,9 +88,9 @@ def stretches_of(
     found: list[Stretch] = []
     first = 0
     for trial in trials:
-        if not {*reference, *needed} <= set(trial.table):
+        if not {*reference, *needed} <= set(trial.columns):
             continue
-        carried = [c for c in (*needed, *optional) if c in trial.table]
+        carried = [c for c in (*needed, *optional) if c in trial.columns]
         for piece in _pieces(trial, carried):
             stretch = _stretch(trial, piece, (*needed, *optional), reference, window_s, first)
             if stretch is not None:
@@ -101,14 +101,18 @@ def stretches_of(
 
 def _pieces(trial: Trial, carried: list[str]) -> list[Array]:
     """Rows of each piece in which the columns that are integrated are known throughout."""
-    table = trial.table
-    good = np.isfinite(table[carried].to_numpy()).all(axis=1)
+    good = _all_known(trial, carried)
     for flag in {sampled_flag(c) for c in carried}:
-        good &= ~_silent(table[flag].to_numpy(), trial.rate_hz)
-    time = table[TIME_COLUMN].to_numpy()
+        good &= ~_silent(trial.columns[flag], trial.rate_hz)
+    time = trial.columns[TIME_COLUMN]
     jump = np.concatenate([[False], np.diff(time) > 1.5 / trial.rate_hz])
     number = np.cumsum(jump | ~good)
     return [np.flatnonzero(good & (number == k)) for k in np.unique(number[good])]
+
+
+def _all_known(trial: Trial, names: Sequence[str]) -> npt.NDArray[np.bool_]:
+    """Rows (n,) in which each of some columns has a value."""
+    return np.all([np.isfinite(trial.columns[name]) for name in names], axis=0)
 
 
 def _silent(sampled: Array, rate_hz: float) -> Array:
@@ -132,9 +136,8 @@ def _stretch(
     first: int,
 ) -> Stretch | None:
     """One piece with its samples of the reference, its windows numbered from `first` on."""
-    table, margin = trial.table.iloc[piece], round(MARGIN_S * trial.rate_hz)
-    seen = np.isfinite(table[list(reference)].to_numpy()).all(axis=1)
-    seen &= table[sampled_flag(reference[0])].to_numpy()
+    columns, margin = trial.columns, round(MARGIN_S * trial.rate_hz)
+    seen = _all_known(trial, reference)[piece] & columns[sampled_flag(reference[0])][piece]
     seen[:margin], seen[len(seen) - margin :] = False, False
     rows = np.flatnonzero(seen)
     if len(rows) < LEAST_SAMPLES:
@@ -145,7 +148,7 @@ def _stretch(
     count = max(round((rows[-1] - rows[0]) / length), 1)
     number = (rows - rows[0]) * count // (rows[-1] - rows[0] + 1)
     zero = np.zeros(len(piece))
-    signals = {c: table[c].to_numpy() if c in table else zero for c in (*reference, *carried)}
+    signals = {c: columns[c][piece] if c in columns else zero for c in (*reference, *carried)}
     together = max(round(CLUSTER_S / window_s), 1)
     cluster = first + number // together * together
     return Stretch(1.0 / trial.rate_hz, signals, rows, first + number, cluster)

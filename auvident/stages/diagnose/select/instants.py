@@ -179,8 +179,7 @@ def _over(case: Case, fitted: Fitted, instant: Instant, low: float, high: float)
 
 def records_between(case: Case, trial: Trial, maneuvers: Maneuvers) -> list[Record]:
     """The log between the maneuvers of a trial, in pieces without a gap."""
-    time = trial.table[TIME_COLUMN].to_numpy()
-    piece = trial.table[RECORD_COLUMN].to_numpy().copy()
+    time, piece = trial.columns[TIME_COLUMN], trial.columns[RECORD_COLUMN].copy()
     for m in (m for m in maneuvers.maneuvers if m.trial == trial.name):
         piece[(time >= m.t_start_s) & (time < m.t_end_s)] = -1
     cuts = np.flatnonzero(np.diff(piece)) + 1

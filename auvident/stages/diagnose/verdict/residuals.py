@@ -4,13 +4,13 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import pandas as pd
 
 from auvident.engines.free_run import RecordResidual
 from auvident.engines.records import Record
 from auvident.schema.artifacts import Maneuver, Maneuvers
 from auvident.schema.diagnosis import ResidualRow
 from auvident.schema.planes import PlaneRow
+from auvident.schema.trial import Columns, stacked
 from auvident.stages.diagnose.score.unknown_forces import unknown_forces
 from auvident.stages.diagnose.select.candidates import Traced
 
@@ -48,7 +48,7 @@ def _row(traced: Traced, c: int, before: RecordResidual, after: RecordResidual) 
     )
 
 
-def residual_table(traced: Traced, maneuvers: Maneuvers) -> pd.DataFrame:
+def residual_table(traced: Traced, maneuvers: Maneuvers) -> Columns:
     """Channels of the identifying maneuvers, measured and predicted before and after.
 
     With the unknown forces that the model before would need to follow its readings.
@@ -61,7 +61,7 @@ def residual_table(traced: Traced, maneuvers: Maneuvers) -> pd.DataFrame:
         _table(by_id[record.id], record, case.plane, pair, forces[record.id])
         for record, pair in zip(case.records, residuals, strict=True)
     ]
-    return pd.concat(tables, ignore_index=True)
+    return stacked(tables)
 
 
 def _table(
@@ -70,13 +70,11 @@ def _table(
     plane: PlaneRow,
     residuals: tuple[RecordResidual, RecordResidual],
     forces: Array,
-) -> pd.DataFrame:
+) -> Columns:
     before, after = residuals
-    table: dict[str, Any] = {
-        "maneuver": m.id,
-        "trial": m.trial,
-        "kind": m.kind,
-        "role": m.role,
+    about = {"maneuver": m.id, "trial": m.trial, "kind": m.kind, "role": m.role}
+    table: dict[str, Array] = {
+        **{name: np.full(len(record), text) for name, text in about.items()},
         "time_s": record.time_s,
         plane.columns[3]: record.given[:, 3],
     }
@@ -86,4 +84,4 @@ def _table(
         table[f"{column}_after"] = record.measured[:, c] - after.error[:, c]
     table["control_rad"] = record.inputs[:, 0]
     table.update(zip(force_columns(plane), forces.T, strict=True))
-    return pd.DataFrame(table)
+    return table
