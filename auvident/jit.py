@@ -10,10 +10,11 @@ function, and would go on using what was compiled with an older version of the f
 import atexit
 import hashlib
 import os
+import pickle
 import shutil
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -21,12 +22,15 @@ from typing import Any
 
 from numba import __version__ as numba_version
 from numba import njit
-from numba.core import config
+from numba.core import config, environment
 from numba.core.caching import FunctionCache
 from numba.core.compiler import Compiler
+from numba.core.registry import cpu_target
 from numba.core.runtime import rtsys
 from numba.extending import intrinsic
 from platformdirs import user_cache_path
+
+from auvident.parallel import beside
 
 PACKAGE = Path(__file__).resolve().parent
 KERNEL_MODULES = (
@@ -127,7 +131,9 @@ def has_compiled(name: str) -> bool:
     return folder is not None and any(folder.glob(f"*/{name}-*.nbc"))
 
 
-OF_NUMBA = ("_load_overload", "_guard_against_spurious_io_errors")
+OF_NUMBA = ("_load_overload", "_guard_against_spurious_io_errors", "_cache_file")
+OF_ITS_FILES = ("_data_path", "_load_data")
+OF_ENVIRONMENTS = ("Environment", "_rebuild_env", "lookup_environment")
 
 
 class _Kept(FunctionCache):  # type: ignore[misc]
@@ -137,16 +143,61 @@ class _Kept(FunctionCache):  # type: ignore[misc]
     that a kernel may use: a fifth of a second. One that is compiled uses symbols of the
     mathematics and the memory of arrays; what is to be compiled imports the rest by itself.
 
-    It rests on two methods that numba promises nobody (`OF_NUMBA`): without them numba loads.
+    It rests on names that numba promises nobody (`OF_NUMBA` and those below it): without them
+    numba loads.
     """
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """The compiled function for a signature; None when there is none."""
-        if not all(hasattr(self, name) for name in OF_NUMBA):
+        if not _has(self, OF_NUMBA):
             return super().load_overload(sig, target_context)
+        files = self._cache_file
+        if _has(files, OF_ITS_FILES) and _has(environment, OF_ENVIRONMENTS):
+            vars(files)["_load_data"] = lambda name: _loaded(Path(files._data_path(name)))
         rtsys.initialize(target_context)
         with self._guard_against_spurious_io_errors():
             return self._load_overload(sig, target_context)
+
+
+def _has(owner: object, names: Sequence[str]) -> bool:
+    return all(hasattr(owner, name) for name in names)
+
+
+def _loaded(file: Path) -> Any:
+    """What numba has kept in a file."""
+    with file.open("rb") as content:
+        return _Reader(content).load()
+
+
+class _Reader(pickle.Unpickler):
+    """Reads a kernel without the modules of the functions of numba that it is made of.
+
+    Each function has an environment, with the globals of its module for what is not compiled and
+    constants for that which is. Those of numba are compiled whole.
+    """
+
+    def find_class(self, module: str, name: str) -> Any:
+        """As pickle finds it, but for what makes an environment."""
+        if (module, name) == (environment.__name__, "_rebuild_env"):
+            return _environment
+        return super().find_class(module, name)
+
+
+def _environment(module: str, constants: list[Any], name: str) -> Any:
+    """The environment of a function in a kernel."""
+    if constants or not module.startswith("numba."):
+        return environment._rebuild_env(module, constants, name)
+    found = environment.lookup_environment(name)
+    if found is None:
+        found = environment.Environment({"__name__": module})
+        found.env_name = name
+        environment.Environment._memo[name] = found
+    return found
+
+
+def begin_beside() -> None:
+    """Begin in another thread what loading the first kernel would wait for."""
+    beside(lambda: rtsys.initialize(cpu_target.target_context))
 
 
 def _compiled_in(folder: Path, function: Callable[..., Any], **options: Any) -> Any:

@@ -17,7 +17,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, partial
 from importlib import import_module
 from typing import Any, Generic, TypeVar
 
@@ -187,10 +187,15 @@ def all_of(*pieces: Callable[[], Any]) -> list[Any]:
     return each(lambda piece: piece(), pieces)
 
 
+def beside(piece: Callable[[], Any]) -> None:
+    """Do in another thread what will be needed; an error is left to who needs it."""
+    if threads() > 1 and not getattr(_here, "is_alone", False):
+        _crew().offer(_Shared(lambda done: done(), [piece], deque([0])))
+
+
 def load_beside(module: str) -> None:
     """Import in another thread what will be needed; an error is left to who needs it."""
-    if threads() > 1:
-        _crew().offer(_Shared(import_module, [module], deque([0])))
+    beside(partial(import_module, module))
 
 
 def stay_alone() -> None:

@@ -14,6 +14,7 @@ import pytest
 
 from auvident import jit
 from auvident.jit import KERNEL_MODULES, PACKAGE, compiled_already
+from auvident.physics.actuation import turning_points
 
 PR_CAPBSET_DROP, CAP_DAC_OVERRIDE = 24, 1  # Linux
 SMALL = """
@@ -32,12 +33,25 @@ print(json.dumps([jit.cache_is_writable(), jit.compiled_already(), before,
 BOTH = """
 import sys
 sys.path.insert(0, {root!r})
+import numpy as np
 from numba import njit
-from auvident.estimation.kalman import unscented_weights
-own = unscented_weights(4, 1.0)
-bare = "numba.np.linalg" not in sys.modules
-same = njit(lambda n: unscented_weights(n, 1.0))(4)
-print("[" + str(int(bare)) + ",", str(int(repr(same) == repr(own))) + "]")
+from auvident.physics.actuation import turning_points
+own = turning_points(np.array([0.0, 2.0, 1.0, 3.0, 0.5]))
+bare = not {{"numba.np.linalg", "numba.np.arrayobj"}} & set(sys.modules)
+same = njit(lambda n: turning_points(np.arange(n)))(4.0)
+print("[" + str(int(bare)) + ",", str(int(own.tolist() + same.tolist() == [0, 3, 0.5, 0, 3])) + "]")
+"""
+
+AFTER = """
+import sys, json
+sys.path.insert(0, {root!r})
+import numpy as np
+from auvident.physics.actuation import _turn_fins, turning_points
+turning_points(np.zeros(3))
+order, angle = np.linspace(0.0, 0.1, 5), np.empty((1, 5))
+_turn_fins(np.zeros(0), order, 0.1, np.zeros((1, 19)), angle)
+stats = turning_points.stats.cache_hits, _turn_fins.stats.cache_hits
+print(json.dumps([*(sum(hits.values()) for hits in stats), bool(np.allclose(angle, order))]))
 """
 
 
@@ -141,6 +155,8 @@ def test_what_is_compiled_is_loaded_alone_and_can_be_compiled_with(
     """What numba imports to compile is not needed to load, and comes when something compiles."""
     assert run_in(installed, tmp_path, BOTH)[1] == 1
     assert run_in(installed, tmp_path, BOTH) == [1, 1]
+    assert run_in(installed, tmp_path, AFTER) == [1, 0, True]
+    assert run_in(installed, tmp_path, AFTER) == [1, 1, True]
 
 
 def test_changed_sources_are_compiled_anew(installed: Path, tmp_path: Path) -> None:
@@ -213,3 +229,14 @@ def test_where_numba_has_renamed_what_the_cache_rests_on_numba_loads(
     cache = object.__new__(jit._Kept)
     assert cache.load_overload("signature", "target") is None
     assert asked == [("signature", "target")]
+
+
+@pytest.mark.parametrize("names", ["OF_ITS_FILES", "OF_ENVIRONMENTS"])
+def test_where_numba_has_renamed_how_it_reads_it_reads_by_itself(
+    names: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(jit, names, (*getattr(jit, names), "renamed"))
+    monkeypatch.setattr(jit._Kept, "_load_overload", lambda *by: by[1])
+    cache = object.__new__(jit._Kept)
+    cache._cache_file = object()
+    assert cache.load_overload("signature", turning_points.targetctx) == "signature"

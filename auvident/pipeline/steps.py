@@ -92,9 +92,15 @@ def plan_source(options: Mapping[str, Any]) -> list[Path]:
 
 
 def announce_compilation(observer: Observer, filter: str = "ekf") -> None:
-    """Tell the user why the first use takes longer."""
-    from auvident.jit import cache_is_writable, compiled_already
+    """Begin with the kernels, and tell the user why the first use takes longer.
 
+    Another thread loads what they need, and what tells of the result, while this one does what is
+    not compiled.
+    """
+    from auvident.jit import begin_beside, cache_is_writable, compiled_already
+
+    begin_beside()
+    load_beside("auvident.report.console")
     if not cache_is_writable():
         observer.note(COMPILING_EACH_TIME)
     elif not compiled_already(filter):
@@ -103,11 +109,11 @@ def announce_compilation(observer: Observer, filter: str = "ekf") -> None:
 
 def identify(given: Given) -> dict[str, Any]:
     """Estimate the coefficients from the maneuvers that identify."""
+    announce_compilation(given.observer, given.options["filter"])
     from auvident.stages.identify import identify as estimate_jointly
     from auvident.storage.plan_file import read_plan
 
     plan = read_plan(given.options["plan"])
-    announce_compilation(given.observer, given.options["filter"])
     result = estimate_jointly(
         given.trials,
         given.maneuvers,
