@@ -2,8 +2,10 @@
 
 import pytest
 
+from auvident.schema.changes import LeftOutTrialError
 from tests.bench.campaign_cost import A_VEHICLE, calculated
 from tests.bench.length import GROWING, exponents
+from tests.bench.season import left_out
 
 PARTS = {
     "in a campaign s": 36.0,
@@ -20,6 +22,21 @@ def test_what_many_trials_take_is_that_of_each_and_of_pooling_each_vehicle() -> 
     assert (found["h on 2"], found["logs GB, read"]) == ("101", "41.9")
     few = calculated(PARTS, A_VEHICLE // 2)
     assert few["of it pooling h"] == "0.01"
+
+
+def test_trials_left_out_are_counted_by_channel() -> None:
+    pairs = [("u", 1.0, 2.0), ("u", 1.05, 1.0), ("u", 7.0, 1.0), ("r", 0.3, 0.3)]
+    errors = [
+        LeftOutTrialError(trial="t", channel=c, unit="m/s", pooled=pooled, own=own)
+        for c, pooled, own in pairs
+    ]
+    (rows,) = left_out(errors).values()
+    surge, turn = rows
+    assert (surge["channel"], surge["trials"], turn["trials"]) == ("u", 3, 1)
+    assert (surge["not worse"], turn["not worse"]) == ("33%", "100%")
+    assert surge["by 10% at most"] == "67%"
+    assert surge["median of pooled over own"] == pytest.approx(1.05)
+    assert surge["rms own"] == pytest.approx(2.0**0.5)
 
 
 def test_an_exponent_of_one_is_growth_in_step() -> None:

@@ -29,6 +29,7 @@ OF_A_STUDY = (
     "population-clean",
     "season",
     "season-steady",
+    "left-out-trials",
 )  # sections besides the one of its name, or of what is a study of `SEASONS`
 BY_HAND = ("casadi", "campaign-cost")  # what `make bench` leaves out: other libraries, or long
 SEASONS = ("pool", "season", "cluster")  # as well; their results depend on what they were asked for

@@ -4,20 +4,27 @@ A season from the generator (`sample_logs/seatrial/season`), run as a campaign. 
 and new thruster are looked for among the changes of their vehicle; every other change is a false
 alarm, as is every change of a season in which nothing happens (``--steady``). The trial under the
 wrong name and the bad logs are looked for among the trials that failed or fit no other.
+``--left-out`` has each trial of a steady season predicted by the model of all others of its
+vehicle, beside its own fit.
 """
 
 import argparse
 import json
+import math
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from statistics import mean, median
 from typing import Any
 
 from auvident.pipeline.campaign import CampaignPlan, run_campaign
+from auvident.pipeline.left_out_runs import left_out_errors
 from auvident.pipeline.observer import Observer
+from auvident.pipeline.pooling import pool_runs
 from auvident.pipeline.warming import warm_for_runs
 from auvident.schema.campaign import CampaignResult
+from auvident.schema.changes import LeftOutTrialError
 from auvident.storage.campaign_file import read_campaign
 from tests.bench import written
 from tests.bench.effects import program
@@ -26,6 +33,7 @@ from tests.engines.chain import SAMPLES
 if str(SAMPLES) not in sys.path:
     sys.path.insert(0, str(SAMPLES))
 
+WORSE = 0.1  # a share that an error may be larger by chance
 WITHIN = 3  # trials: so near to the true one a step counts as found
 # what happens, and the changes that tell of it: drag and thrust are known by their ratio best
 TELLS = {
@@ -50,6 +58,7 @@ def main(arguments: list[str], show: Callable[[str, list[dict[str, Any]]], None]
     parser.add_argument("--jobs", type=int)
     parser.add_argument("--steady", action="store_true", help="nothing happens")
     parser.add_argument("--write", action="store_true", help="replace the section of the page")
+    parser.add_argument("--left-out", action="store_true", help="trials left out in turn")
     parser.add_argument("--folder", type=Path, help="keep it here, and go on where it was")
     options = parser.parse_args(arguments)
     with tempfile.TemporaryDirectory(prefix="auvident-season-") as name:
@@ -58,12 +67,15 @@ def main(arguments: list[str], show: Callable[[str, list[dict[str, Any]]], None]
         _, trials = read_campaign(folder / "campaign.toml")
         plan = CampaignPlan(folder / "out", trials, options.jobs)
         done = run_campaign(plan, _Told(), warm=warm_for_runs)
-        truth = json.loads((folder / "truth.json").read_text(encoding="utf-8"))
-        found = judged(done.result, truth)
+        if options.left_out:
+            found, section = left_out(errors_left_out(folder / "out")), "left-out-trials"
+        else:
+            truth = json.loads((folder / "truth.json").read_text(encoding="utf-8"))
+            found = judged(done.result, truth)
+            section = "season-steady" if options.steady else "season"
         for title, rows in found.items():
             show(title, rows)
         if options.write:
-            section = "season-steady" if options.steady else "season"
             seed = f"Program `{program()}`; {options.trials} trials, seed {options.seed}."
             written.write(section, seed, {title: rows for title, rows in found.items() if rows})
 
@@ -75,6 +87,44 @@ def made(folder: Path, trials: int, seed: int, steady: bool) -> None:
     if not (folder / "truth.json").exists():
         folder.mkdir(parents=True, exist_ok=True)
         season(folder, trials, seed, STEADY if steady else BOATS, faults=not steady)
+
+
+def errors_left_out(out: Path) -> list[LeftOutTrialError]:
+    """Errors of what each trial held out, by the model of all others of its vehicle and its own."""
+    vehicles = [vehicle for vehicle in sorted(out.iterdir()) if vehicle.is_dir()]
+    found = []
+    for vehicle in vehicles:
+        runs = sorted(place.parent for place in vehicle.glob("*/run.json"))
+        for target in runs:
+            model = pool_runs([run for run in runs if run != target]).model
+            found += left_out_errors(model, [target])
+    return found
+
+
+def left_out(errors: Sequence[LeftOutTrialError]) -> dict[str, list[dict[str, Any]]]:
+    """By channel: in how many trials the others predict as well as its own fit, and how well."""
+    rows = []
+    for channel in dict.fromkeys(e.channel for e in errors):
+        own = [e for e in errors if e.channel == channel]
+        ratios = [e.pooled / e.own for e in own]
+        rows.append(
+            {
+                "channel": channel,
+                "trials": len(own),
+                "not worse": f"{mean(r <= 1.0 for r in ratios):.0%}",
+                f"by {WORSE:.0%} at most": f"{mean(r <= 1.0 + WORSE for r in ratios):.0%}",
+                "median of pooled over own": median(ratios),
+                "rms pooled": root_mean_square([e.pooled for e in own]),
+                "rms own": root_mean_square([e.own for e in own]),
+                "unit": own[0].unit,
+            }
+        )
+    return {"held-out errors of trials left out in turn": rows}
+
+
+def root_mean_square(values: Sequence[float]) -> float:
+    """Of some errors."""
+    return math.sqrt(mean(value**2 for value in values))
 
 
 def judged(result: CampaignResult, truth: dict[str, Any]) -> dict[str, list[dict[str, Any]]]:

@@ -15,6 +15,7 @@ ELSEWHERE = {  # sections of other pages
     "campaign-cost": "campaigns.md",
     "season": "campaigns.md",
     "season-steady": "campaigns.md",
+    "left-out-trials": "campaigns.md",
 }
 PLACE = r"(?<=<!-- begin {name} -->\n).*?(?=<!-- end {name} -->\n)"
 
