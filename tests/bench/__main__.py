@@ -27,6 +27,7 @@ OF_A_STUDY = (
     "population-vertical",
     "population-current_drift",
     "population-clean",
+    "population-shown-single",
     "season",
     "season-steady",
     "left-out-trials",
