@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -231,12 +232,15 @@ def test_where_numba_has_renamed_what_the_cache_rests_on_numba_loads(
     assert asked == [("signature", "target")]
 
 
-@pytest.mark.parametrize("names", ["OF_ITS_FILES", "OF_ENVIRONMENTS"])
+@pytest.mark.parametrize("renamed", ["", "OF_ITS_FILES", "OF_ENVIRONMENTS"])
 def test_where_numba_has_renamed_how_it_reads_it_reads_by_itself(
-    names: str, monkeypatch: pytest.MonkeyPatch
+    renamed: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(jit, names, (*getattr(jit, names), "renamed"))
+    if renamed:
+        monkeypatch.setattr(jit, renamed, (*getattr(jit, renamed), "renamed"))
     monkeypatch.setattr(jit._Kept, "_load_overload", lambda *by: by[1])
+    files = SimpleNamespace(_data_path=str, _load_data=str)
     cache = object.__new__(jit._Kept)
-    cache._cache_file = object()
+    cache._cache_file = files
     assert cache.load_overload("signature", turning_points.targetctx) == "signature"
+    assert (files._load_data is str) == bool(renamed)

@@ -34,7 +34,7 @@ def uninterrupted(
             "The simulation needs it as an input.",
         )
     time = columns[TIME_COLUMN]
-    known = np.all([np.isfinite(columns[c]) for c in needed], axis=0)
+    known = trial.where_known(needed)
     known &= (time >= window_s[0]) & (time <= window_s[1])
     edges = np.flatnonzero(np.diff(np.concatenate(([False], known, [False]))))
     pairs = [(a, b) for a, b in edges.reshape(-1, 2) if b - a >= LEAST_ROWS]

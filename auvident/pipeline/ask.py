@@ -11,7 +11,7 @@ from auvident.pipeline.observer import Observer
 from auvident.pipeline.planes import MODEL, planes_of
 from auvident.pipeline.predict import find_model
 from auvident.pipeline.remedies import command_of, typed
-from auvident.pipeline.steps import announce_compilation
+from auvident.pipeline.steps import begin_with_kernels
 from auvident.storage.run_directory import RunDirectory
 
 if TYPE_CHECKING:
@@ -95,7 +95,7 @@ def plan_trial(path: Path, observer: Observer, plane: "Plane | None" = None) -> 
         The run has not been identified, or not in this plane.
     """
     given = in_plane(finished(path, "identify"), plane)
-    announce_compilation(observer)
+    begin_with_kernels(observer)
     from auvident.stages.plan_trial import plan_trial as rank
 
     model = find_model(path, given.model.plane)[1]

@@ -11,7 +11,7 @@ from auvident.pipeline.freshness import is_of_this_run
 from auvident.pipeline.observer import Observer
 from auvident.pipeline.planes import planes_of
 from auvident.pipeline.remedies import WRITTEN, again, made_again, run_around, typed
-from auvident.pipeline.steps import announce_compilation
+from auvident.pipeline.steps import begin_with_kernels
 from auvident.pipeline.table import BY_NAME
 from auvident.schema.complete import lacking
 from auvident.schema.places import beside
@@ -310,7 +310,7 @@ def _predict_plane(
     path, model = find_model(target, plane)
     vehicle = vehicle_of(path, model, vehicle_file, observer)
     trial = log_of_inputs(model, vehicle, log, column_map, rate_hz)
-    announce_compilation(observer)
+    begin_with_kernels(observer)
     table = predict_trial(model, trial, seed, options, observer)
     far = beyond_range(model, table)
     return SimulatedTrial(trial.name, path, model, table, of_coefficients_alone(model), far)

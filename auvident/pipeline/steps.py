@@ -91,7 +91,7 @@ def plan_source(options: Mapping[str, Any]) -> list[Path]:
     return plan_files(options["plan"])
 
 
-def announce_compilation(observer: Observer, filter: str = "ekf") -> None:
+def begin_with_kernels(observer: Observer, filter: str = "ekf") -> None:
     """Begin with the kernels, and tell the user why the first use takes longer.
 
     Another thread loads what they need, and what tells of the result, while this one does what is
@@ -109,7 +109,7 @@ def announce_compilation(observer: Observer, filter: str = "ekf") -> None:
 
 def identify(given: Given) -> dict[str, Any]:
     """Estimate the coefficients from the maneuvers that identify."""
-    announce_compilation(given.observer, given.options["filter"])
+    begin_with_kernels(given.observer, given.options["filter"])
     from auvident.stages.identify import identify as estimate_jointly
     from auvident.storage.plan_file import read_plan
 
@@ -157,7 +157,7 @@ def _first_model(given: Given) -> "IdentifiedModel | None":
 
 def validate(given: Given) -> dict[str, Any]:
     """Re-simulate the maneuvers with the identified model and with the estimate."""
-    announce_compilation(given.observer)
+    begin_with_kernels(given.observer)
     result = _predicted(given)
     standard = Flights(given).of(given.model, result)
     if result.simulation.memory_usage().sum() <= MOST_KEPT_BYTES:
@@ -191,7 +191,7 @@ def identifying_plan(given: Given) -> "Plan":
 
 def diagnose(given: Given) -> dict[str, Any]:
     """Trace what the model does not explain to an effect that it lacks."""
-    announce_compilation(given.observer, given.model.filter)
+    begin_with_kernels(given.observer, given.model.filter)
     from auvident.stages.diagnose import diagnose as trace
     from auvident.stages.diagnose import told_by
     from auvident.stages.identify import prepare, without_held_out
@@ -242,7 +242,7 @@ def refine(given: Given) -> dict[str, Any]:
     from auvident.stages.desk import greatest_laid_deg
 
     filter = given.options["filter"] or given.model.filter
-    announce_compilation(given.observer, filter)
+    begin_with_kernels(given.observer, filter)
     kept, standard = given.kept.pop((PREDICTED, given.plane), (None, None))
     history = given.table("identify/history.parquet")
     before = _Refined(given.model, history, kept or _predicted(given))

@@ -3,7 +3,7 @@
 import tomllib
 
 from auvident.pipeline.observer import Observer
-from auvident.pipeline.steps import announce_compilation
+from auvident.pipeline.steps import begin_with_kernels
 
 KINDS = ("ekf", "ukf")
 SECONDS, RATE_HZ = 60.0, 10.0
@@ -15,7 +15,7 @@ def warm_up(observer: Observer, kinds: tuple[str, ...] = KINDS) -> bool:
 
     waiting = [kind for kind in kinds if is_first(kind)]
     for kind in waiting:
-        announce_compilation(observer, kind)
+        begin_with_kernels(observer, kind)
         _compile(kind)
     return bool(waiting)
 

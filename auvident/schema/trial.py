@@ -78,6 +78,10 @@ class Trial:
         """Whether there is a value of a column."""
         return column in self.columns and bool(np.isfinite(self.columns[column]).any())
 
+    def where_known(self, columns: Iterable[str]) -> npt.NDArray[np.bool_]:
+        """Rows (n,) in which each of some columns has a value."""
+        return np.all([np.isfinite(self.columns[column]) for column in columns], axis=0)
+
     @cached_property
     def has_heading(self) -> bool:
         """Whether a heading was logged."""

@@ -33,7 +33,7 @@ from tests.engines.chain import SAMPLES
 if str(SAMPLES) not in sys.path:
     sys.path.insert(0, str(SAMPLES))
 
-WORSE = 0.1  # a share that an error may be larger by chance
+WORSE = 0.1  # an error that is larger by no more than this share is told as well
 WITHIN = 3  # trials: so near to the true one a step counts as found
 # what happens, and the changes that tell of it: drag and thrust are known by their ratio best
 TELLS = {

@@ -101,18 +101,13 @@ def stretches_of(
 
 def _pieces(trial: Trial, carried: list[str]) -> list[Array]:
     """Rows of each piece in which the columns that are integrated are known throughout."""
-    good = _all_known(trial, carried)
+    good = trial.where_known(carried)
     for flag in {sampled_flag(c) for c in carried}:
         good &= ~_silent(trial.columns[flag], trial.rate_hz)
     time = trial.columns[TIME_COLUMN]
     jump = np.concatenate([[False], np.diff(time) > 1.5 / trial.rate_hz])
     number = np.cumsum(jump | ~good)
     return [np.flatnonzero(good & (number == k)) for k in np.unique(number[good])]
-
-
-def _all_known(trial: Trial, names: Sequence[str]) -> npt.NDArray[np.bool_]:
-    """Rows (n,) in which each of some columns has a value."""
-    return np.all([np.isfinite(trial.columns[name]) for name in names], axis=0)
 
 
 def _silent(sampled: Array, rate_hz: float) -> Array:
@@ -137,7 +132,7 @@ def _stretch(
 ) -> Stretch | None:
     """One piece with its samples of the reference, its windows numbered from `first` on."""
     columns, margin = trial.columns, round(MARGIN_S * trial.rate_hz)
-    seen = _all_known(trial, reference)[piece] & columns[sampled_flag(reference[0])][piece]
+    seen = trial.where_known(reference)[piece] & columns[sampled_flag(reference[0])][piece]
     seen[:margin], seen[len(seen) - margin :] = False, False
     rows = np.flatnonzero(seen)
     if len(rows) < LEAST_SAMPLES:
