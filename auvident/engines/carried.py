@@ -20,6 +20,7 @@ from auvident.schema.effects import BY_ID, own_in, parameter_of
 from auvident.schema.planes import PLANES
 
 Array = npt.NDArray[Any]
+Window = tuple[str, float, float]  # maneuver, start and end [s] of readings that are left out
 
 OF_THRUST = {"propeller_race", "thrust_line_moment"}  # and so of the speed
 CURRENTS = {"current", "current_drift", "vertical_current"}
@@ -54,7 +55,7 @@ class Carried:
     start: Mapping[str, float] = field(default_factory=dict)
     prior: Mapping[str, float] = field(default_factory=dict)
     prior_std: Mapping[str, float] = field(default_factory=dict)
-    windows: tuple[tuple[str, float, float], ...] = ()
+    windows: tuple[Window, ...] = ()
     expected: Mapping[str, float] = field(default_factory=dict)
     least_noise: Mapping[str, float] = field(default_factory=dict)
     own_starts: bool = False
@@ -159,6 +160,17 @@ def vector_behind(model: IdentifiedModel, coefficients: Mapping[str, float] | No
         internal_values(model.effects),
         structure_behind(model),
     )
+
+
+def prior_behind(model: IdentifiedModel) -> dict[str, float]:
+    """Mean of the prior of every parameter that a model estimated, internal.
+
+    A model of an earlier version does not tell that of effects, which mostly is none.
+    """
+    symbols, own = model.covariance["symbols"], model.priors()
+    told = dict.fromkeys(symbols, 0.0)
+    told |= dict(zip(symbols, model.covariance.get("prior", ()), strict=False))
+    return {s: own[s] if s in own else told[s] for s in symbols}
 
 
 def fitted_covariance(model: IdentifiedModel) -> Array:

@@ -1,6 +1,6 @@
 """What stays the same through an identification, and what a stage of it leaves."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -122,19 +122,8 @@ class Setup:
         return Free(positions, column, self.prior_std[positions])
 
     def bounds(self, positions: Array) -> tuple[Array, Array]:
-        """Least and largest values of parameters.
-
-        Of what scales with the vehicle only that it has one sign: the bounds are wide.
-        """
-        low, high = np.full(len(positions), -np.inf), np.full(len(positions), np.inf)
-        for column, name in enumerate(self.names(positions)):
-            if "." in name:
-                declared = parameter_of(name)
-                if not any(declared.powers):
-                    low[column], high[column] = declared.low, declared.high
-                elif declared.low == 0.0:
-                    low[column] = 0.0
-        return low, high
+        """Least and largest values of parameters, see `bounds_of`."""
+        return bounds_of(self.names(positions))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -166,6 +155,22 @@ class Outcome(Estimate):
     passed: FilterResult | None = field(default=None, repr=False)
     observer_time_s: float | None = None
     prices: Mapping[str, float] = field(default_factory=dict)
+
+
+def bounds_of(names: Sequence[str]) -> tuple[Array, Array]:
+    """Least and largest values (n,) of parameters.
+
+    Of what scales with the vehicle only that it has one sign: the bounds are wide.
+    """
+    low, high = np.full(len(names), -np.inf), np.full(len(names), np.inf)
+    for column, name in enumerate(names):
+        if "." in name:
+            declared = parameter_of(name)
+            if not any(declared.powers):
+                low[column], high[column] = declared.low, declared.high
+            elif declared.low == 0.0:
+                low[column] = 0.0
+    return low, high
 
 
 def active_states(system: System, plane: str) -> npt.NDArray[np.bool_]:

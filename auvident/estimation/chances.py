@@ -52,6 +52,12 @@ def student_quantile(freedom: int, share: float) -> float:
     return math.sqrt(freedom) * math.tan(middle)
 
 
+def student_above(freedom: int, value: float) -> float:
+    """Share of Student's distribution above a value: A&S 26.7."""
+    within = _student_within(freedom, math.atan(abs(value) / math.sqrt(freedom)))
+    return 0.5 * (1.0 - within) if value > 0.0 else 0.5 * (1.0 + within)
+
+
 def _student_within(freedom: int, angle: float) -> float:
     """Share between t and -t, of which the angle is that of t / sqrt(freedom): A&S 26.7.3, 4."""
     odd, square = freedom % 2, math.cos(angle) ** 2

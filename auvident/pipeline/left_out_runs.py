@@ -1,15 +1,16 @@
 """A pooled model held against trials that did not go into it."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from auvident.errors import InputError, UsageError
 from auvident.pipeline.given import Given
-from auvident.pipeline.pooling import logs_of
+from auvident.pipeline.pooling import logs_of, with_small_effects
 from auvident.pipeline.predict import find_model
+from auvident.pipeline.replays import replay_behind
 from auvident.schema.changes import LeftOutTrialError
-from auvident.schema.effects import BY_ID
+from auvident.schema.effects import BY_ID, parameter_of
 from auvident.storage.run_directory import RunDirectory
 
 if TYPE_CHECKING:
@@ -23,7 +24,8 @@ LEFT_OUT = "Give runs that were left out of it."
 def left_out_errors(model: "PooledModel", targets: Sequence[Path]) -> list[LeftOutTrialError]:
     """Errors of the held-out maneuvers of runs, by the pooled model and by their own.
 
-    The water, the ballast and the clocks are those of the trial, as its own model has them.
+    The water, the ballast and the clocks are those of the trial, as its identifying maneuvers have
+    them beside the pooled coefficients; where these are there no more, as its own model has them.
 
     Raises
     ------
@@ -48,32 +50,54 @@ def left_out_errors(model: "PooledModel", targets: Sequence[Path]) -> list[LeftO
         if again:
             what = f"the log {again[0]} went into the pooled model with another run"
             raise UsageError(what, str(target), LEFT_OUT)
-        found += _errors(target, with_own(model, own), own)
+        full = with_small_effects(path, own)
+        replay = replay_behind(path, full)
+        beside = replay.own_beside(model) if replay else {}
+        found += _errors(target, with_own(model, full, beside), own)
     return found
 
 
-def with_own(model: "PooledModel", own: "IdentifiedModel") -> "IdentifiedModel":
-    """The pooled model in the water and with the clocks of a trial."""
-    of_trial = tuple(e for e in own.effects if BY_ID[str(e["id"])].of_trial)
+def with_own(
+    model: "PooledModel", own: "IdentifiedModel", beside: Mapping[str, float] | None = None
+) -> "IdentifiedModel":
+    """The pooled model in the water and with the clocks of a trial.
+
+    Parameters
+    ----------
+    beside : mapping, optional
+        Values of these, internal, in place of those that the trial's own model has.
+    """
+    rows = [_at(e, beside or {}) for e in own.effects if BY_ID[str(e["id"])].of_trial]
     place = {name: k for k, name in enumerate(BY_ID)}
-    effects = sorted((*model.effects, *of_trial), key=lambda e: place[str(e["id"])])
+    effects = sorted((*model.effects, *rows), key=lambda e: place[str(e["id"])])
     return model.model_copy(update={"effects": tuple(effects)})
+
+
+def _at(effect: dict[str, Any], values: Mapping[str, float]) -> dict[str, Any]:
+    """An effect with other values of its parameters."""
+    internal = {name: values.get(name, value) for name, value in effect["internal"].items()}
+    rows = [
+        row | {"value": parameter_of(name).shown(value, 0.0)[0]}
+        for row, (name, value) in zip(effect["parameters"], internal.items(), strict=True)
+    ]
+    return effect | {"internal": internal, "parameters": rows}
 
 
 def _errors(
     target: Path, model: "IdentifiedModel", own: "IdentifiedModel"
 ) -> list[LeftOutTrialError]:
-    from auvident.stages.validate import validate
+    from auvident.engines.carried import vector_behind
+    from auvident.stages.validate import predict_all, side_by_side
 
     given = Given(RunDirectory(target))
-    pairs = [
-        validate(given.trials, given.maneuvers, one).metrics.summary.get("validate", {})
-        for one in (model, own)
-    ]
+    chosen = tuple(m for m in given.maneuvers.maneuvers if m.role == "validate")
+    held = given.maneuvers.model_copy(update={"maneuvers": chosen})
+    first, second = (
+        predict_all(given.trials, held, one, vector_behind(one)) for one in (model, own)
+    )
     return [
         LeftOutTrialError(
-            trial=target.name, channel=c, unit=e.unit, pooled=e.rmse, own=pairs[1][c].rmse
+            trial=target.name, channel=c, unit=e.unit, pooled=e.one, own=e.other, p=e.p
         )
-        for c, e in pairs[0].items()
-        if c in pairs[1]
+        for c, e in side_by_side(first, second, model.plane).items()
     ]

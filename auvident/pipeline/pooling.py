@@ -3,6 +3,7 @@
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
+from functools import partial
 from itertools import takewhile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from auvident.errors import GateError, InputError, StageError
 from auvident.pipeline.predict import VEHICLE, find_model
 from auvident.pipeline.remedies import made_again, run_around
+from auvident.pipeline.replays import MANEUVERS, QUALITY, replay_behind
 from auvident.schema.pooled import POOLED
 from auvident.storage.artifacts import json_bytes, read_json, read_model, write_bytes
 from auvident.storage.run_directory import MANIFEST, RunDirectory
@@ -20,7 +22,6 @@ if TYPE_CHECKING:
     from auvident.schema.pooled import PooledModel
     from auvident.stages.pool import PoolTrial
 
-QUALITY, MANEUVERS = "ingest/quality.json", "segment/maneuvers.json"
 SAME_FILE = "Pool trials that were run with the same vehicle file; leave the others out."
 ANOTHER = "See to the vehicle and to the log; another trial tells whether the vehicle changed."
 SHOWN = 3  # keys that differ
@@ -114,11 +115,12 @@ def _trial(target: Path, plane: str | None, name: str) -> "PoolTrial":
     if "symbols" not in model.covariance:
         problem = "the model has no covariance, without which it cannot be pooled"
         raise StageError(problem, str(path), made_again(path))
-    logs = logs_behind(path, model)
-    return PoolTrial(name, _with_small_effects(path, model), date_of(target), str(path), logs)
+    logs, full = logs_behind(path, model), with_small_effects(path, model)
+    replay = partial(replay_behind, path, full)
+    return PoolTrial(name, full, date_of(target), str(path), logs, replay)
 
 
-def _with_small_effects(path: Path, model: "IdentifiedModel") -> "IdentifiedModel":
+def with_small_effects(path: Path, model: "IdentifiedModel") -> "IdentifiedModel":
     """The model of a run that carries small effects, where the run ends with one without any."""
     from auvident.schema.artifacts import IdentifiedModel
 

@@ -85,9 +85,13 @@ def pooled_trials(trials: Sequence[PooledTrial]) -> Table:
 
 def left_out(found: Sequence[LeftOutTrialError]) -> Table:
     """What the pooled model makes of trials that did not go into it."""
-    heads = (*columns(("trial", "channel", "unit")), *columns(numbers=("pooled", "own model")))
+    heads = (
+        *columns(("trial", "channel", "unit")),
+        *columns(numbers=("pooled", "own model", "p that it is not worse")),
+    )
     rows: Rows = [
-        [e.trial, e.channel, Unit(e.unit), Number(e.pooled, 3), Number(e.own, 3)] for e in found
+        [e.trial, e.channel, Unit(e.unit), Number(e.pooled, 3), Number(e.own, 3), Number(e.p, 2)]
+        for e in found
     ]
     return Table(heads, rows, "RMSE on held-out maneuvers of trials that were left out")
 

@@ -49,13 +49,17 @@ class VehicleChange(Artifact):
 
 
 class LeftOutTrialError(Artifact):
-    """RMSE of a channel on the held-out maneuvers of a trial that was not pooled, and its own."""
+    """RMSE of a channel on the held-out maneuvers of a trial that was not pooled, and its own.
+
+    ``p`` is the probability of the pooled one being so much worse by chance.
+    """
 
     trial: str
     channel: str
     unit: str
     pooled: float
     own: float
+    p: float = 0.5
 
 
 class Changes(Artifact):

@@ -8,13 +8,18 @@ one error of all trials.
 
 import argparse
 from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
+from auvident.engines.records import sensor_matrix
+from auvident.engines.replay import Replay, replay_of
 from auvident.estimation.pooling import seen_axes
 from auvident.schema.artifacts import IdentifiedModel
 from auvident.stages.identify import identify
+from auvident.stages.identify.setup import records_of
 from auvident.stages.pool import PoolTrial, pool
 from auvident.stages.pool.carry import carrier
 from auvident.stages.pool.collect import collect
@@ -30,30 +35,44 @@ def main(arguments: list[str], show: Callable[[str, list[dict[str, Any]]], None]
     parser = argparse.ArgumentParser(prog="python -m tests.bench pool", description=__doc__)
     parser.add_argument("--vehicles", type=int, default=30)
     parser.add_argument("--trials", type=int, default=8)
+    parser.add_argument("--models-alone", action="store_true", help="without maneuvers")
     parser.add_argument("--rate", type=float, default=RATE_HZ, help="rows a second")
     options = parser.parse_args(arguments)
     rows, shares = [], []
     for seed in range(options.vehicles):
-        truth, models = models_of_one(seed, options.trials, rate_hz=options.rate)
+        truth, trials = trials_of_one(seed, options.trials, rate_hz=options.rate)
+        if options.models_alone:
+            trials = [replace(t, replay=None) for t in trials]
         for count in (1, 2, 4, options.trials):
-            if count <= len(models):
-                rows += list(errors(models[:count], truth))
-                shares.append({"trials": count, **seen(models[:count])})
+            if count <= len(trials):
+                rows += list(errors(trials[:count], truth))
+                shares.append({"trials": count, **seen(trials[:count])})
     show("error over claimed standard deviation", summary(rows))
     show("coefficients that the data tell", _mean_by_count(shares))
 
 
-def models_of_one(
+def trials_of_one(
     seed: int, count: int, part: int = PART, plan: str = "refined", rate_hz: float = RATE_HZ
-) -> tuple[dict[str, float], list[IdentifiedModel]]:
-    """Models of so many trials of one vehicle, and the truth."""
+) -> tuple[dict[str, float], list[PoolTrial]]:
+    """So many trials of one vehicle with their models and maneuvers, and the truth."""
     vehicle, ase = vehicle_and_prior()
     truth = draw_truth(ase, vehicle, np.random.default_rng(seed))
     worlds = [world_of(truth, 1000 * seed + k, part, rate_hz) for k in range(count)]
     done = (
         identify([w.trial], w.maneuvers, ase, vehicle, NOISE, plan=plan_named(plan)) for w in worlds
     )
-    return truth, [found.model for found in done]
+    pairs = enumerate(zip(worlds, (found.model for found in done), strict=True))
+    return truth, [
+        PoolTrial(f"trial-{k}", model, replay=partial(replay_in, world, model))
+        for k, (world, model) in pairs
+    ]
+
+
+def replay_in(world: World, model: IdentifiedModel) -> Replay | None:
+    """The maneuvers that a model was identified from."""
+    sensor = sensor_matrix(model.plane, model.sensing)
+    found, rate_hz = records_of([world.trial], world.maneuvers, model.plane, sensor)
+    return replay_of(model, [record for _, record in found.values()], 1.0 / rate_hz)
 
 
 def world_of(
@@ -67,25 +86,25 @@ def world_of(
     return make_world(ase, vehicle, seed, chosen, truth, rate_hz)
 
 
-def pooled_of(models: list[IdentifiedModel]) -> IdentifiedModel:
+def pooled_of(trials: list[PoolTrial]) -> IdentifiedModel:
     """The pooled model of some trials, none of them left out."""
-    return pool([PoolTrial(f"trial-{k}", m) for k, m in enumerate(models)]).model
+    return pool(trials).model
 
 
-def errors(models: list[IdentifiedModel], truth: dict[str, float]) -> Iterator[dict[str, Any]]:
+def errors(trials: list[PoolTrial], truth: dict[str, float]) -> Iterator[dict[str, Any]]:
     """Errors over claims, of coefficients and along what the data told best."""
-    found = pooled_of(models)
+    found = pooled_of(trials)
     for c in found.coefficients:
         if c.origin == "identified" and c.data_share > SEEN:
             z = (c.value - truth[c.symbol]) / c.std
-            yield {"trials": len(models), "of": "coefficients", "z": z}
-    for z in along_seen(models, truth):
-        yield {"trials": len(models), "of": "combinations", "z": z}
+            yield {"trials": len(trials), "of": "coefficients", "z": z}
+    for z in along_seen(trials, truth):
+        yield {"trials": len(trials), "of": "combinations", "z": z}
 
 
-def along_seen(models: list[IdentifiedModel], truth: dict[str, float]) -> list[float]:
+def along_seen(given: list[PoolTrial], truth: dict[str, float]) -> list[float]:
     """Errors over claims of the data alone, along what they see about the true coefficients."""
-    data = collect([PoolTrial(f"trial-{k}", m) for k, m in enumerate(models)])
+    data = collect(given)
     pairs = zip(data.names, data.origin, data.unit, strict=True)
     theta = np.array([(truth.get(name, 0.0) - origin) / unit for name, origin, unit in pairs])
     trials = carrier(data)(theta)
@@ -94,10 +113,10 @@ def along_seen(models: list[IdentifiedModel], truth: dict[str, float]) -> list[f
     return list(axes.T @ (sum(t.score for t in trials) - information @ theta))
 
 
-def seen(models: list[IdentifiedModel]) -> dict[str, float]:
+def seen(trials: list[PoolTrial]) -> dict[str, float]:
     """Coefficients that rest on the data: of a trial in the mean, of all together."""
-    alone = [sum(c.data_share > 0.5 for c in m.coefficients) for m in models]
-    together = sum(c.data_share > 0.5 for c in pooled_of(models).coefficients)
+    alone = [sum(c.data_share > 0.5 for c in t.model.coefficients) for t in trials]
+    together = sum(c.data_share > 0.5 for c in pooled_of(trials).coefficients)
     return {"in one trial": float(np.mean(alone)), "pooled": float(together)}
 
 
@@ -127,4 +146,4 @@ def _mean_by_count(rows: list[dict[str, float]]) -> list[dict[str, Any]]:
     ]
 
 
-__all__ = ["main", "models_of_one", "pooled_of", "world_of"]
+__all__ = ["main", "pooled_of", "trials_of_one", "world_of"]

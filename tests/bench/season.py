@@ -34,6 +34,7 @@ if str(SAMPLES) not in sys.path:
     sys.path.insert(0, str(SAMPLES))
 
 WORSE = 0.1  # an error that is larger by no more than this share is told as well
+BY_CHANCE = 0.05  # probability of so much larger an error by chance below which it is worse
 WITHIN = 3  # trials: so near to the true one a step counts as found
 # what happens, and the changes that tell of it: drag and thrust are known by their ratio best
 TELLS = {
@@ -113,6 +114,7 @@ def left_out(errors: Sequence[LeftOutTrialError]) -> dict[str, list[dict[str, An
                 "trials": len(own),
                 "not worse": f"{mean(r <= 1.0 for r in ratios):.0%}",
                 f"by {WORSE:.0%} at most": f"{mean(r <= 1.0 + WORSE for r in ratios):.0%}",
+                "not worse but by chance": f"{mean(e.p >= BY_CHANCE for e in own):.0%}",
                 "median of pooled over own": median(ratios),
                 "rms pooled": root_mean_square([e.pooled for e in own]),
                 "rms own": root_mean_square([e.own for e in own]),

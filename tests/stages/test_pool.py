@@ -45,14 +45,14 @@ OF_THE_TRIAL = {
 @once
 def one_vehicle() -> tuple[dict[str, float], list[str]]:
     """The truth, and the models of four trials of it."""
-    truth, models = bench.models_of_one(2, 4, PART, PLAN)
-    return truth, [m.model_dump_json(by_alias=True) for m in models]
+    truth, found = bench.trials_of_one(2, 4, PART, PLAN)
+    return truth, [t.model.model_dump_json(by_alias=True) for t in found]
 
 
 @once
 def another_vehicle() -> str:
     """The model of a trial of another one."""
-    return bench.models_of_one(4, 1, PART, PLAN)[1][0].model_dump_json(by_alias=True)
+    return bench.trials_of_one(4, 1, PART, PLAN)[1][0].model.model_dump_json(by_alias=True)
 
 
 def models() -> list[IdentifiedModel]:
@@ -69,7 +69,7 @@ def test_the_claims_of_the_pooled_model_hold() -> None:
     z = np.array([(c.value - truth[c.symbol]) / c.std for c in rows])
     assert len(z) > 10
     assert np.mean(z**2) < 2.5  # its errors hang together through the scales that nobody sees
-    along = np.array(bench.along_seen(models(), truth))
+    along = np.array(bench.along_seen(trials(models()), truth))
     assert 0.5 < np.mean(along**2) < 1.8  # 99.9 % of chi-square over its 18 directions
     assert found.pooling.p > 1e-3
 

@@ -275,6 +275,7 @@ def _covariance(
         "matrix": matrix.tolist(),
         "fitted_variance": (np.diag(final.covariance) * scale**2).tolist(),
         "scale": scale.tolist(),
+        "prior": setup.prior[final.free].tolist(),
     }
 
 

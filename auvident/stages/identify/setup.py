@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from auvident.constants import GRAVITY_MPS2
-from auvident.engines.carried import Carried
+from auvident.engines.carried import Carried, Window
 from auvident.engines.records import (
     ANGLE,
     STATE_COLUMNS,
@@ -71,7 +71,7 @@ def prepare(
     structure = carried.structure(plane)
     sensing = sensing_of(vehicle, noise, plane)
     sensor = sensor_matrix(plane, sensing)
-    records, rate_hz = _records_of(trials, maneuvers, plane, sensor, carried)
+    records, rate_hz = records_of(trials, maneuvers, plane, sensor, carried.windows)
     values, stds = priors(ase, plane)
     if shared:
         values, stds = {**values, **shared.values}, {**stds, **shared.stds}
@@ -116,17 +116,34 @@ def friction_share(ase: AseResult) -> float:
     return float(np.clip(1.0 - omitted / row.value, 0.0, 1.0)) if row.value else 1.0
 
 
-def _records_of(
-    trials: Sequence[Trial], maneuvers: Maneuvers, plane: Plane, sensor: Array, carried: Carried
+def records_of(
+    trials: Sequence[Trial],
+    maneuvers: Maneuvers,
+    plane: Plane,
+    sensor: Array,
+    windows: Sequence[Window] = (),
 ) -> tuple[dict[str, tuple[ManeuverKind, Record]], float]:
-    """Maneuvers that identify and have a reading, by id with their kind; their rate [Hz]."""
+    """Maneuvers that identify and have a reading, by id with their kind; their rate [Hz].
+
+    Parameters
+    ----------
+    sensor : (4, 4) array
+        From `sensor_matrix`.
+    windows : sequence of (maneuver, start, end)
+        Readings that are left out [s].
+
+    Raises
+    ------
+    InputError, NumericsError
+        There is none, with the reason.
+    """
     by_name = {trial.name: without_held_out(trial, maneuvers, plane) for trial in trials}
     chosen = identifying(trials, maneuvers, plane)
     if not chosen:
         raise _nothing_identifies(trials, maneuvers, plane)
     records = {}
     for m in chosen:
-        record = _masked(record_of(m, by_name[m.trial], plane, sensor), carried)
+        record = _masked(record_of(m, by_name[m.trial], plane, sensor), windows)
         if np.isfinite(record.measured).any():
             records[m.id] = (m.kind, record)
     if not records:
@@ -145,10 +162,10 @@ def headings_compare(trials: Sequence[Trial], maneuvers: Maneuvers, plane: Plane
     return summed or any(trial.has_heading for trial in trials)
 
 
-def _masked(record: Record, carried: Carried) -> Record:
+def _masked(record: Record, windows: Sequence[Window]) -> Record:
     """The record without the readings in the windows that are left out."""
     measured = record.measured.copy()
-    for name, start, end in carried.windows:
+    for name, start, end in windows:
         if name == record.id:
             measured[(record.time_s >= start) & (record.time_s <= end)] = np.nan
     return replace(record, measured=measured)

@@ -1,13 +1,14 @@
 """What the models of several trials say of the parameters that are the vehicle's."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from auvident.engines.carried import fitted_covariance, internal_values
+from auvident.engines.carried import fitted_covariance, internal_values, prior_behind
+from auvident.engines.replay import Replay
 from auvident.errors import InputError
 from auvident.estimation.pooling import TrialData, spread_over, told_by
 from auvident.schema.artifacts import IdentifiedModel
@@ -37,6 +38,7 @@ class PoolTrial:
     """A trial to be pooled: its name and model, when it was (ISO 8601) and where its model is.
 
     ``logs`` are the names of the logs behind it by what tells each from all others (a hash).
+    ``replay`` loads the maneuvers behind the model, see `auvident.engines.replay`.
     """
 
     name: str
@@ -44,6 +46,7 @@ class PoolTrial:
     date: str = ""
     file: str = ""
     logs: Mapping[str, str] = field(default_factory=dict)
+    replay: Callable[[], Replay | None] | None = None
 
 
 @dataclass(frozen=True)
@@ -231,10 +234,10 @@ def _posterior(trial: PoolTrial, names: Sequence[str]) -> _Posterior:
     scale = dict(zip(told, model.covariance["scale"], strict=True))
     covariance = fitted_covariance(model)
     wide = np.diag(np.array(model.covariance["matrix"])) - np.diag(covariance)
-    own = {c.symbol: (c.prior, c.prior_std) for c in model.estimates}
+    own, before = {c.symbol: c.prior_std for c in model.estimates}, prior_behind(model)
     prior, std = np.zeros(len(names)), np.zeros(len(names))
     for k in at:
-        prior[k], std[k] = own.get(names[k], (0.0, float(scale[names[k]])))
+        prior[k], std[k] = before[names[k]], own.get(names[k], float(scale[names[k]]))
     return _Posterior(
         at,
         np.array([values[names[k]] for k in at]),

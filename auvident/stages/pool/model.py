@@ -103,7 +103,7 @@ def _model(t: Together, mean: Array, pooling: Pooling, findings: Sequence[Findin
         flown=joined([t.model.flown for t in data.trials if t.model.flown]),
         coefficients=tuple(r for r in rows if isinstance(r, ModelCoefficient)),
         constants=tuple(r for r in rows if not isinstance(r, ModelCoefficient)),
-        effects=effect_rows(structure, vector, _stds(t), {}, _named(data)),
+        effects=effect_rows(structure, vector, _stds(t), {}, named(data)),
         covariance=_covariance(t),
         correlations=correlations(t.found.covariance, data.names),
         left_out=_left_out(data),
@@ -124,7 +124,7 @@ def _stds(t: Together) -> dict[str, float]:
     return dict(zip(t.data.names, spread.tolist(), strict=True))
 
 
-def _named(data: Collected) -> tuple[str, ...]:
+def named(data: Collected) -> tuple[str, ...]:
     """Effects that at least half of the trials which carry them have by name."""
     found = []
     for name in data.effects:
@@ -173,6 +173,7 @@ def _covariance(t: Together) -> dict[str, Any]:
         "matrix": (wide * unit).tolist(),
         "fitted_variance": (np.diag(t.found.covariance) * scale**2).tolist(),
         "scale": scale.tolist(),
+        "prior": data.origin.tolist(),
         "scatter": ((t.claimed - t.found.covariance) * unit).tolist(),
     }
 

@@ -23,9 +23,10 @@ from auvident.estimation.pooling import (
 )
 from auvident.schema.artifacts import ESTIMATE_CONTRADICTED, Finding
 from auvident.schema.pooled import PooledModel, PooledParameter, PooledTrial, PooledValue, Pooling
+from auvident.stages.pool.again import again
 from auvident.stages.pool.carry import about_common
 from auvident.stages.pool.collect import Collected, PoolTrial, collect, shown, unit_of
-from auvident.stages.pool.model import Together, model_of_all
+from auvident.stages.pool.model import Together, model_of_all, named
 from auvident.stages.pool.structural import maneuvers_of, structural_covariance
 
 Array = npt.NDArray[Any]
@@ -37,6 +38,7 @@ MOST_LEFT_OUT = 1 / 3  # of the trials
 FEW_TRIALS = 5  # fewer say little of the scatter between trials
 DISAGREE = 0.01  # probability of so much scatter of one of the coefficients by chance
 CLIPPED = 0.1  # of the prior's information that was cut off, from which on it is told
+SHOWN = 5  # names
 FITS_NO_OTHER = "trial-fits-no-other"  # code of a finding
 LAST_CHANGED = (
     "Was it logged by another vehicle, or is the log damaged? It is left out of the pooled model."
@@ -83,27 +85,29 @@ def pool(trials: Sequence[PoolTrial], *, keep: bool = False) -> PoolResult:
     out = {} if keep else strangers(whole, first)
     inside = [k for k in first if k not in out]
     whole = about_common(own, inside) if out else whole
-    data = whole.among(inside)
+    by_models = whole.among(inside)
+    scatter = for_few(between_trials(by_models.told), len(by_models.told))
+    told_again = again(by_models, named(by_models))
+    data = told_again.data
     between = for_few(between_trials(data.told), len(data.told))
-    n = len(data.names)
-    prior = np.zeros(n), np.ones(n)
-    found = pooled(data.told, *prior, between)
-    structural = structural_covariance(data, found, between)
-    together = Together(data, found, between, structural)
-    agree = agreement(data.told)
-    each = agreements(data.told)
-    rows = tuple(_parameters(together, each))
-    told = tuple(_trials(whole, out, twice, together))
-    findings = (*_strange(told, twice), *_findings(together, agree, each))
+    found = told_again.together(between)
+    together = Together(data, found, between, structural_covariance(data, found, between))
+    agree, each = agreement(data.told), agreements(data.told)
+    told = tuple(_trials(whole, out, twice, scatter))
+    findings = (
+        *_strange(told, twice),
+        *_findings(together, agree, each),
+        *_by_model(told_again.by_model, len(data.trials)),
+    )
     pooling = Pooling(
         trials=told,
-        parameters=rows,
+        parameters=tuple(_parameters(together, by_models, each)),
         q=agree.q,
         freedom=agree.freedom,
         p=agree.p,
         clipped=max(t.clipped for t in data.told),
     )
-    return PoolResult(model_of_all(together, pooling, findings), data, between)
+    return PoolResult(model_of_all(together, pooling, findings), by_models, scatter)
 
 
 def copies(trials: Sequence[PoolTrial]) -> dict[int, Copy]:
@@ -166,10 +170,12 @@ def _least(directions: int, p: float) -> float:
     return float(chdtri(directions, p)) if directions else 0.0
 
 
-def _parameters(t: Together, each: Sequence[Agreement]) -> Iterator[PooledParameter]:
-    """What is told of each parameter together."""
+def _parameters(
+    t: Together, by_models: Collected, each: Sequence[Agreement]
+) -> Iterator[PooledParameter]:
+    """What is told of each parameter together, and by single models."""
     data = t.data
-    shares = np.array([_share(one) for one in data.told])
+    shares = np.array([_share(one) for one in by_models.told])
     for i, name in enumerate(data.names):
         unit = float(data.unit[i])
         own = data.origin[i] + unit * t.found.mean[i]
@@ -200,15 +206,15 @@ def _share(told: TrialData) -> Array:
 
 
 def _trials(
-    whole: Collected, out: dict[int, Distance], twice: dict[int, Copy], t: Together
+    whole: Collected, out: dict[int, Distance], twice: dict[int, Copy], between: Array
 ) -> Iterator[PooledTrial]:
     """Every trial with its distance from the others that stay."""
     inside = [k for k in range(len(whole.told)) if k not in out and k not in twice]
     n = len(whole.names)
     for k, trial in enumerate(whole.trials):
         others = [whole.told[j] for j in inside if j != k]
-        far = out.get(k) or (distance(whole.told[k], others, t.between) if others else None)
-        rest = pooled(others, np.zeros(n), np.ones(n), t.between)
+        far = out.get(k) or (distance(whole.told[k], others, between) if others else None)
+        rest = pooled(others, np.zeros(n), np.ones(n), between)
         alone = pooled([whole.told[k]], np.zeros(n), np.ones(n))
         yield PooledTrial(
             trial=trial.name,
@@ -224,7 +230,7 @@ def _trials(
             clipped=whole.told[k].clipped,
             own=_own(trial),
             alone=_values(whole, alone),
-            shrunk=_values(whole, shrunk(whole.told[k], rest, t.between)),
+            shrunk=_values(whole, shrunk(whole.told[k], rest, between)),
         )
 
 
@@ -340,7 +346,7 @@ def _findings(t: Together, agree: Agreement, each: Sequence[Agreement]) -> Itera
             code="effect-in-some-trials",
             where=effect,
             message=f"was found in {len(names)} of {len(data.trials)} trials alone "
-            f"({', '.join(names[:5])}); the pooled model is without it",
+            f"({', '.join(names[:SHOWN])}); the pooled model is without it",
         )
     for told, trial in zip(data.told, data.trials, strict=True):
         if told.clipped > CLIPPED:
@@ -352,6 +358,21 @@ def _findings(t: Together, agree: Agreement, each: Sequence[Agreement]) -> Itera
                 message="its model knows a combination of coefficients worse than the prior; its "
                 "data count as none there",
             )
+
+
+def _by_model(names: Sequence[str], count: int) -> Iterator[Finding]:
+    """Trials whose maneuvers could not be predicted again."""
+    if names:
+        yield Finding(
+            code="pooled-by-model",
+            where=", ".join(names[:SHOWN]) + (", ..." if len(names) > SHOWN else ""),
+            value=float(len(names)),
+            message=f"{len(names)} of {count} trials went in as their models tell them, near their "
+            "own coefficients: their maneuvers are not there, are not those of the model any more, "
+            "or run away with the pooled coefficients",
+            remedy="Give run directories with their ingested trials, up to date, in which a plan "
+            "ended with output error (`auvident status RUN`).",
+        )
 
 
 def _scatter_of(t: Together, i: int) -> tuple[float, str]:

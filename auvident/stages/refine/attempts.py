@@ -7,7 +7,7 @@ from typing import Generic, Protocol, TypeVar
 
 import pandas as pd
 
-from auvident.engines.carried import Carried, allowed
+from auvident.engines.carried import Carried, Window, allowed
 from auvident.errors import NumericsError
 from auvident.schema.artifacts import Finding, IdentifiedModel, LeftOutSummary
 from auvident.schema.diagnosis import Attempt, Diagnosis
@@ -46,7 +46,7 @@ def carried_of(diagnosis: Diagnosis) -> Carried | None:
     return replace(nuisances_of(diagnosis), effects=tuple(modelled), windows=windows)
 
 
-def windows_of(diagnosis: Diagnosis) -> tuple[tuple[str, float, float], ...]:
+def windows_of(diagnosis: Diagnosis) -> tuple[Window, ...]:
     """Maneuver, start and end [s] of the events whose readings are left out."""
     return tuple(
         (e.maneuver, e.time_s, e.time_s + (e.duration_s or 0.0))
