@@ -9,10 +9,12 @@ from tests.bench.season import left_out
 
 PARTS = {
     "in a campaign s": 36.0,
-    f"pooling {A_VEHICLE} s": 72.0,
+    f"pooling {A_VEHICLE} s": 52.0,
+    f"predicting {A_VEHICLE} again s": 20.0,
     "log MiB": 2.0,
     "run directory MiB": 1.0,
     "model KiB": 100.0,
+    "maneuvers MiB": 0.1,
 }
 
 

@@ -68,7 +68,9 @@ class Replay:
         if not np.isfinite(half):
             return None
         values = dict(zip([*common, *own], p[free.positions].tolist(), strict=True))
-        return Replayed(*self._eliminated(gradient, information, values, len(common)), values)
+        away = (p[free.positions][len(common) :] - self._priors(own)) / self._scales(own)
+        told = _eliminated(gradient, information, away, len(common))
+        return Replayed(half + 0.5 * float(away @ away), *told, values)
 
     def own_beside(self, model: IdentifiedModel) -> dict[str, float]:
         """What is the trial's alone, as it is most probable beside a model; empty where it fails.
@@ -135,17 +137,16 @@ class Replay:
         priors = prior_behind(self.model)
         return np.array([priors[name] for name in names])
 
-    def _eliminated(
-        self, gradient: Array, information: Array, values: Mapping[str, float], n: int
-    ) -> tuple[Array, Array]:
-        """Gradient and information about the first n parameters, the others at their best."""
-        own = list(values)[n:]
-        held = information[n:, n:] + np.eye(len(own))
-        away = np.array([values[name] for name in own]) - self._priors(own)
-        pull = gradient[n:] + away / self._scales(own)
-        share = np.linalg.solve(held, information[n:, :n])
-        left = information[:n, :n] - information[:n, n:] @ share
-        return gradient[:n] - share.T @ pull, 0.5 * (left + left.T)
+
+def _eliminated(gradient: Array, information: Array, away: Array, n: int) -> tuple[Array, Array]:
+    """Gradient and information about the first n parameters, the others at their best.
+
+    These are ``away`` (k,) from their prior, in its standard deviations.
+    """
+    held = information[n:, n:] + np.eye(len(away))
+    share = np.linalg.solve(held, information[n:, :n])
+    left = information[:n, :n] - information[:n, n:] @ share
+    return gradient[:n] - share.T @ (gradient[n:] + away), 0.5 * (left + left.T)
 
 
 @dataclass(frozen=True)
@@ -164,13 +165,16 @@ class Replayed:
 
     Attributes
     ----------
+    cost : float
+        Minus the log likelihood, and what the trial's own parameters pay to their prior.
     gradient : (n,) array
-        Of minus the log likelihood.
+        Of the cost.
     information : (n, n) array
     values : dict
         All parameters, those of the trial alone as they are most probable.
     """
 
+    cost: float
     gradient: Array
     information: Array
     values: dict[str, float]

@@ -86,18 +86,12 @@ def _at(effect: dict[str, Any], values: Mapping[str, float]) -> dict[str, Any]:
 def _errors(
     target: Path, model: "IdentifiedModel", own: "IdentifiedModel"
 ) -> list[LeftOutTrialError]:
-    from auvident.engines.carried import vector_behind
-    from auvident.stages.validate import predict_all, side_by_side
+    from auvident.stages.validate import held_out_errors
 
     given = Given(RunDirectory(target))
-    chosen = tuple(m for m in given.maneuvers.maneuvers if m.role == "validate")
-    held = given.maneuvers.model_copy(update={"maneuvers": chosen})
-    first, second = (
-        predict_all(given.trials, held, one, vector_behind(one)) for one in (model, own)
-    )
     return [
         LeftOutTrialError(
             trial=target.name, channel=c, unit=e.unit, pooled=e.one, own=e.other, p=e.p
         )
-        for c, e in side_by_side(first, second, model.plane).items()
+        for c, e in held_out_errors(given.trials, given.maneuvers, model, own).items()
     ]

@@ -9,9 +9,8 @@ from auvident.storage.artifacts import read_json, read_model
 from auvident.storage.run_directory import RunDirectory
 
 if TYPE_CHECKING:
-    from auvident.engines.carried import Window
-    from auvident.engines.replay import Replay
     from auvident.schema.artifacts import IdentifiedModel
+    from auvident.stages.identify import Replay, Window
 
 QUALITY, MANEUVERS = "ingest/quality.json", "segment/maneuvers.json"
 DIAGNOSED = ("diagnose", "diagnosis.json")  # folder and file
@@ -28,18 +27,13 @@ def replay_behind(file: Path, model: "IdentifiedModel") -> "Replay | None":
     model : IdentifiedModel
         Of that run.
     """
-    from auvident.engines.records import sensor_matrix
-    from auvident.engines.replay import replay_of
-    from auvident.stages.identify.setup import records_of
+    from auvident.stages.identify import replay_in
 
     run = run_around(file)
     if run is None or not model.stages or not _is_there(run):
         return None
     given = Given(RunDirectory(run))
-    sensor = sensor_matrix(model.plane, model.sensing)
-    windows = _windows(run, file)
-    found, rate_hz = records_of(given.trials, given.maneuvers, model.plane, sensor, windows)
-    return replay_of(model, [record for _, record in found.values()], 1.0 / rate_hz)
+    return replay_in(given.trials, given.maneuvers, model, _windows(run, file))
 
 
 def _is_there(run: Path) -> bool:
@@ -53,13 +47,14 @@ def _is_there(run: Path) -> bool:
 def _windows(run: Path, file: Path) -> "tuple[Window, ...]":
     """What a refined model left out of its readings: the events that the diagnosis found."""
     from auvident.schema.diagnosis import Diagnosis
-    from auvident.stages.refine.attempts import windows_of
+    from auvident.stages.refine import windows_of
 
     stage, *plane, _ = file.resolve().relative_to(run.resolve()).parts
     folder, name = DIAGNOSED
     told = run.joinpath(folder, *plane, name)
     if stage != "refine" or not told.exists():
         return ()
-    if EVENT not in {e.get("id") for e in read_json(told, made_again(told)).get("effects", ())}:
+    effects = read_json(told, made_again(told)).get("effects", ())
+    if EVENT not in {effect.get("id") for effect in effects}:
         return ()
     return windows_of(read_model(told, Diagnosis, made_again(told)))

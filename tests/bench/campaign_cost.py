@@ -3,7 +3,8 @@
 Some trials of a season are run one by one as a user would, and as a campaign; processor time,
 bytes of logs, of run directories and of what pooling reads are measured. Pooling is measured with
 as many trials as a vehicle is taken to have: models of these trials with coefficients drawn anew
-from their own claims. What 10^4 and 10^6 trials take is calculated from that.
+from their own claims, and apart from these the maneuvers of the trials predicted again. What 10^4
+and 10^6 trials take is calculated from that.
 """
 
 import json
@@ -18,11 +19,16 @@ from typing import Any
 
 import numpy as np
 
+from auvident.engines.carried import internal_values
 from auvident.pipeline.campaign import CampaignPlan, arguments_of, run_campaign
 from auvident.pipeline.observer import Observer
 from auvident.pipeline.pooling import pool_runs
 from auvident.pipeline.predict import find_model
+from auvident.pipeline.replays import replay_behind
 from auvident.pipeline.warming import warm_for_runs
+from auvident.schema.artifacts import IdentifiedModel
+from auvident.stages.pool.again import ROUNDS
+from auvident.storage.artifacts import read_model
 from auvident.storage.campaign_file import PlannedTrial, read_campaign
 from tests.bench.season import made
 from tests.command_line import ENVIRONMENT
@@ -76,7 +82,9 @@ def measured(folder: Path, planned: Sequence[PlannedTrial]) -> dict[str, float]:
         "log MiB": sum(_bytes(t.log) for t in planned) / count / MIB,
         "run directory MiB": sum(_bytes(run) for run in runs) / count / MIB,
         "model KiB": sum(p.stat().st_size for p in models) / count / 1024.0,
+        "maneuvers MiB": sum(_bytes(run / "ingest") for run in runs) / count / MIB,
         f"pooling {A_VEHICLE} s": pooling_s(models[0], folder / "drawn", A_VEHICLE),
+        f"predicting {A_VEHICLE} again s": A_VEHICLE * ROUNDS * again_of_one_s(models),
     }
 
 
@@ -116,6 +124,22 @@ def pooling_s(model: Path, folder: Path, count: int) -> float:
     return process_time() - start
 
 
+def again_of_one_s(models: Sequence[Path]) -> float:
+    """Processor time in which the maneuvers of a trial are read and predicted once, in the mean."""
+    start = process_time()
+    for file in models:
+        model = read_model(file, IdentifiedModel, "")
+        found = replay_behind(file, model)
+        if found is None:
+            raise RuntimeError(f"{file}: its maneuvers are not there")
+        told = model.covariance
+        values = {**model.values(), **internal_values(model.effects)}
+        common = {s: values[s] for s in told["symbols"] if "." not in s}
+        scale = dict(zip(told["symbols"], told["scale"], strict=True))
+        found.about(common, np.array([scale[s] for s in common]))
+    return (process_time() - start) / len(models)
+
+
 def drawn(model: Path, folder: Path, count: int) -> Iterator[Path]:
     """Models of as many trials, each coefficient drawn from what this one claims."""
     rng = np.random.default_rng(SEED)
@@ -133,7 +157,8 @@ def calculated(parts: dict[str, float], count: int) -> dict[str, Any]:
     """What so many trials take, of vehicles with `A_VEHICLE` trials each."""
     vehicles = max(count / A_VEHICLE, 1.0)
     share = min(count / A_VEHICLE, 1.0)
-    pooling = vehicles * share * parts[f"pooling {A_VEHICLE} s"]
+    of_one = parts[f"pooling {A_VEHICLE} s"] + parts[f"predicting {A_VEHICLE} again s"]
+    pooling = vehicles * share * of_one
     hours = (count * parts["in a campaign s"] + pooling) / HOUR
     logs, runs = (count * parts[k] * MIB / GB for k in ("log MiB", "run directory MiB"))
     return {
@@ -143,10 +168,15 @@ def calculated(parts: dict[str, float], count: int) -> dict[str, Any]:
         "of it pooling h": _rounded(pooling / HOUR),
         "logs GB, read": _rounded(logs),
         "runs GB, written": _rounded(runs),
-        "read to pool GB": _rounded(count * parts["model KiB"] * 1024.0 / GB),
+        "read to pool GB": _rounded(count * _read_to_pool(parts) / GB),
         "dollars, compute": _rounded(hours * HOUR_PRICE),
         "dollars a month, storage": _rounded((logs + runs) * GB_MONTH_PRICE),
     }
+
+
+def _read_to_pool(parts: dict[str, float]) -> float:
+    """Bytes of a trial: its model, and its maneuvers in every round."""
+    return parts["model KiB"] * 1024.0 + ROUNDS * parts["maneuvers MiB"] * MIB
 
 
 def _rounded(value: float) -> str:

@@ -14,12 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from auvident.engines.records import sensor_matrix
-from auvident.engines.replay import Replay, replay_of
 from auvident.estimation.pooling import seen_axes
 from auvident.schema.artifacts import IdentifiedModel
-from auvident.stages.identify import identify
-from auvident.stages.identify.setup import records_of
+from auvident.stages.identify import Replay, identify, replay_in
 from auvident.stages.pool import PoolTrial, pool
 from auvident.stages.pool.carry import carrier
 from auvident.stages.pool.collect import collect
@@ -62,17 +59,12 @@ def trials_of_one(
         identify([w.trial], w.maneuvers, ase, vehicle, NOISE, plan=plan_named(plan)) for w in worlds
     )
     pairs = enumerate(zip(worlds, (found.model for found in done), strict=True))
-    return truth, [
-        PoolTrial(f"trial-{k}", model, replay=partial(replay_in, world, model))
-        for k, (world, model) in pairs
-    ]
+    return truth, [PoolTrial(f"trial-{k}", m, replay=loading(w, m)) for k, (w, m) in pairs]
 
 
-def replay_in(world: World, model: IdentifiedModel) -> Replay | None:
-    """The maneuvers that a model was identified from."""
-    sensor = sensor_matrix(model.plane, model.sensing)
-    found, rate_hz = records_of([world.trial], world.maneuvers, model.plane, sensor)
-    return replay_of(model, [record for _, record in found.values()], 1.0 / rate_hz)
+def loading(world: World, model: IdentifiedModel) -> Callable[[], Replay | None]:
+    """How the maneuvers of a trial are loaded."""
+    return partial(replay_in, [world.trial], world.maneuvers, model)
 
 
 def world_of(

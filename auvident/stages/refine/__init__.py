@@ -1,7 +1,7 @@
 """Refinement: identify again with what a diagnosis found, keep what predicts better."""
 
 from auvident.stages.refine.along import along
-from auvident.stages.refine.attempts import carried_of, choose, unclaimed
+from auvident.stages.refine.attempts import carried_of, choose, unclaimed, windows_of
 from auvident.stages.refine.compare import compare, gives_away
 from auvident.stages.refine.unexplained import Base, with_unexplained
 
@@ -13,5 +13,6 @@ __all__ = [
     "compare",
     "gives_away",
     "unclaimed",
+    "windows_of",
     "with_unexplained",
 ]

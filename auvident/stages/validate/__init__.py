@@ -1,11 +1,10 @@
 """Validation: re-simulation of whole maneuvers from their initial state and inputs alone."""
 
-from auvident.stages.validate.side_by_side import side_by_side
+from auvident.stages.validate.side_by_side import held_out_errors
 from auvident.stages.validate.stage import (
     Prediction,
     Validation,
     compare,
-    predict_all,
     tracks,
     validate,
 )
@@ -14,8 +13,7 @@ __all__ = [
     "Prediction",
     "Validation",
     "compare",
-    "predict_all",
-    "side_by_side",
+    "held_out_errors",
     "tracks",
     "validate",
 ]

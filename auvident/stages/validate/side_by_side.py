@@ -8,9 +8,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from auvident.engines.carried import vector_behind
 from auvident.estimation.chances import student_above
+from auvident.schema.artifacts import IdentifiedModel, Maneuvers
 from auvident.schema.planes import Plane
-from auvident.stages.validate.stage import Prediction, channel_pairs
+from auvident.schema.trial import Trial
+from auvident.stages.validate.stage import Prediction, channel_pairs, predict_all
 
 Array = npt.NDArray[Any]
 
@@ -31,6 +34,16 @@ class ErrorPair:
     one: float
     other: float
     p: float
+
+
+def held_out_errors(
+    trials: Sequence[Trial], maneuvers: Maneuvers, one: IdentifiedModel, other: IdentifiedModel
+) -> dict[str, ErrorPair]:
+    """Errors by channel of the held-out maneuvers with two models of a plane."""
+    chosen = tuple(m for m in maneuvers.maneuvers if m.role == "validate")
+    held = maneuvers.model_copy(update={"maneuvers": chosen})
+    first, second = (predict_all(trials, held, m, vector_behind(m)) for m in (one, other))
+    return side_by_side(first, second, one.plane)
 
 
 def side_by_side(

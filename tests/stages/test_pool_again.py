@@ -1,0 +1,106 @@
+"""Trials told again by their maneuvers, at the coefficients that all have together."""
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+
+from auvident.engines.carried import internal_values
+from auvident.schema.artifacts import IdentifiedModel
+from auvident.stages.identify import replay_in
+from auvident.stages.pool import PoolTrial, pool
+from auvident.stages.pool.again import again
+from auvident.stages.pool.carry import about_common
+from auvident.stages.pool.collect import collect
+from tests.bench.pool import trials_of_one, world_of
+from tests.session import once
+
+SEED, COUNT, PART = 3, 4, 3
+SERVO = "rudder_rate_limit.rate_degps"
+
+
+@once
+def of_one_vehicle() -> tuple[dict[str, float], list[str]]:
+    """The truth, and models of trials."""
+    truth, found = trials_of_one(SEED, COUNT, PART)
+    return truth, [t.model.model_dump_json(by_alias=True) for t in found]
+
+
+def trials() -> list[PoolTrial]:
+    truth, texts = of_one_vehicle()
+    found = []
+    for k, text in enumerate(texts):
+        model = IdentifiedModel.model_validate_json(text)
+        world = world_of(truth, 1000 * SEED + k, PART)
+        replay = partial(replay_in, [world.trial], world.maneuvers, model)
+        found.append(PoolTrial(f"trial-{k}", model, replay=replay))
+    return found
+
+
+def cost_of(model: IdentifiedModel) -> float:
+    """Of all maneuvers with the model's coefficients, and of these to their prior."""
+    told = model.covariance
+    scale = np.array(told["scale"])
+    values = {**model.values(), **internal_values(model.effects)}
+    own = [k for k, s in enumerate(told["symbols"]) if "." not in s]
+    common = {told["symbols"][k]: values[told["symbols"][k]] for k in own}
+    away = (np.array(list(common.values())) - np.array(told["prior"])[own]) / scale[own]
+    replays = [t.replay() for t in trials()]
+    return sum(r.about(common, scale[own]).cost for r in replays) + 0.5 * float(away @ away)
+
+
+def test_the_maneuvers_of_all_are_predicted_better_than_by_the_models_of_each() -> None:
+    by_maneuvers = cost_of(pool(trials()).model)
+    by_models = cost_of(pool([replace(t, replay=None) for t in trials()]).model)
+    assert by_maneuvers < by_models + 0.1
+    one_by_one = min(cost_of(t.model) for t in trials())
+    assert by_maneuvers < one_by_one - 10.0
+
+
+def test_its_errors_are_those_of_the_models_alone_where_these_are_near_each_other() -> None:
+    """Equations and world are alike: it claims as much, and is as right."""
+    truth = of_one_vehicle()[0]
+    errors = []
+    for found in (pool(trials()).model, pool([replace(t, replay=None) for t in trials()]).model):
+        rows = [c for c in found.coefficients if c.origin == "identified" and c.data_share > 0.5]
+        errors.append([(c.value - truth[c.symbol]) / c.std for c in rows])
+    by_maneuvers, by_models = (np.mean(np.square(z)) for z in errors)
+    assert len(errors[0]) > 10
+    assert by_maneuvers < 1.3 * by_models
+
+
+def test_what_nobody_claims_stays_the_trials_own() -> None:
+    """Its prior counts in each, and the pooled model has the mean."""
+    data = about_common(collect(trials()))
+    apart, together = again(data, ()), again(data, ("rudder_rate_limit",))
+    (i,) = apart.unclaimed
+    assert data.names[i] == SERVO
+    assert not together.unclaimed.size
+    assert all(not t.information[i].any() and not t.score[i] for t in apart.data.told)
+    assert all(t.information[i, i] > 0.0 for t in together.data.told)
+    found = pool(trials()).model
+    mean = float(apart.mean[0] * data.unit[i] + data.origin[i])
+    assert internal_values(found.effects)[SERVO] == pytest.approx(mean, rel=1e-9)
+    row = next(p for p in found.pooling.parameters if p.symbol == SERVO)
+    assert (row.freedom, row.between_std) == (0.0, 0.0)
+    assert found.covariance["fitted_variance"][i] < data.unit[i] ** 2
+
+
+def test_trials_without_maneuvers_count_as_their_models_tell_them_and_are_named() -> None:
+    first, *others = trials()
+    found = pool([replace(first, replay=None), *others]).model
+    (told,) = (f for f in found.findings if f.code == "pooled-by-model")
+    assert (told.where, told.value) == ("trial-0", 1.0)
+    assert "1 of 4 trials" in told.message
+    assert not any(f.code == "pooled-by-model" for f in pool(trials()).model.findings)
+
+
+def test_a_pooled_model_may_be_pooled_with_what_came_since() -> None:
+    """Its own maneuvers are told already: nothing of it is missed."""
+    first = pool(trials()[:3]).model
+    both = pool([PoolTrial("before", first), trials()[3]]).model
+    whole = pool(trials()).model
+    assert not any(f.code == "pooled-by-model" for f in both.findings)
+    for a, b in zip(both.coefficients, whole.coefficients, strict=True):
+        assert a.value == pytest.approx(b.value, abs=0.5 * b.std + 0.05 * b.prior_std)
