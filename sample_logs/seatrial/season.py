@@ -65,7 +65,7 @@ def season(
     told = {}
     for number, boat in enumerate(boats):
         count = trials // len(boats) + (number < trials % len(boats))
-        plant = _plant_of(boat, seed)
+        plant = plant_of(boat, seed)
         folder = out / boat.name
         folder.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(VEHICLE_FOLDER / f"{boat.table}.toml", folder / "vehicle.toml")
@@ -74,7 +74,7 @@ def season(
         for k in range(count):
             when = FIRST_DAY + timedelta(days=round(float(days[k]), 2), hours=number)
             own = 10_000 * seed + 1_000 * number + k
-            changed = _changed(plant, boat, k / max(count - 1, 1))
+            changed = changed_plant(plant, boat, k / max(count - 1, 1))
             name = f"{when:%Y-%m-%d}"
             sail_one(boat.table, changed, own, folder / name, when)
             rows.append({"trial": name, "seed": own})
@@ -118,7 +118,7 @@ def sail_one(table: str, plant: Plant, seed: int, folder: Path, when: datetime) 
         log.write_text(text.replace("time_s", "timestamp", 1), encoding="ascii")
 
 
-def _plant_of(boat: Boat, seed: int) -> Plant:
+def plant_of(boat: Boat, seed: int) -> Plant:
     """The plant of a vehicle: the same in all its trials."""
     from seatrial.vehicles import PLANTS
 
@@ -126,7 +126,7 @@ def _plant_of(boat: Boat, seed: int) -> Plant:
     return plant
 
 
-def _changed(plant: Plant, boat: Boat, share: float) -> Plant:
+def changed_plant(plant: Plant, boat: Boat, share: float) -> Plant:
     """The plant at a share of the season."""
     if boat.happening == "fouling":
         factor = 1.0 + boat.size * share
@@ -159,7 +159,7 @@ def _spoil(out: Path, boats: tuple[Boat, ...], told: dict, seed: int) -> dict:
     when = datetime.strptime(wrong, "%Y-%m-%d").replace(tzinfo=UTC)
     shutil.rmtree(out / first.name / wrong)
     sail_one(
-        third.table, _plant_of(third, seed), 10_000 * seed + 9_000, out / first.name / wrong, when
+        third.table, plant_of(third, seed), 10_000 * seed + 9_000, out / first.name / wrong, when
     )
     mute, slow = (rows[second.name][len(rows[second.name]) * k // 4]["trial"] for k in (1, 3))
     (out / second.name / mute / "gyro.csv").unlink()

@@ -18,6 +18,8 @@ from pathlib import Path
 from statistics import mean, median
 from typing import Any
 
+import numpy as np
+
 from auvident.pipeline.campaign import CampaignPlan, run_campaign
 from auvident.pipeline.left_out_runs import left_out_errors
 from auvident.pipeline.observer import Observer
@@ -28,6 +30,7 @@ from auvident.schema.changes import LeftOutTrialError
 from auvident.storage.campaign_file import read_campaign
 from tests.bench import written
 from tests.bench.effects import program
+from tests.bench.totals import true_rates
 from tests.engines.chain import SAMPLES
 
 if str(SAMPLES) not in sys.path:
@@ -42,6 +45,8 @@ TELLS = {
     "fouling": {"drag", "X_uu", "linear_drag.X_u", "thrust", "T_nn", "T_nu"},
     "new thruster": {"thrust", "T_nn", "T_nu", "drag", "X_uu", "linear_drag.X_u"},
 }
+AHEAD_MPS = 1.5  # at which drag is compared
+TRIAL_SEEDS = 10_000  # of a season are so many times its own, and more
 # a fault that a trial names among its effects, and is pooled without
 EFFECTS_OF = {"gyro scale": "gyro_scale"}
 
@@ -154,16 +159,42 @@ def _of_vehicle(vehicle: Any, truth: dict[str, Any]) -> dict[str, Any]:
     told = vehicle.changes.changes if vehicle.changes else ()
     names = [t["trial"] for t in truth["trials"]]
     right = [c for c in told if _tells(c, truth, names)]
-    size = f"{right[0].size:+.2f} ({right[0].low:+.2f} to {right[0].high:+.2f})" if right else "-"
+    size = f"{right[0].size:+.3f} ({right[0].low:+.3f} to {right[0].high:+.3f})" if right else "-"
     return {
         "vehicle": vehicle.name,
         "happened": truth["happening"] or "nothing",
         "size": truth["size"],
+        "in the model": f"{in_model(vehicle.name, truth):+.3f}" if truth["happening"] else "-",
         "since": truth["first"] or "-",
         "found": "; ".join(c.sentence for c in right) or "-",
         "found size": size,
         "other changes": "; ".join(c.sentence for c in told if c not in right) or "-",
     }
+
+
+def in_model(name: str, truth: dict[str, Any]) -> float:
+    """Size of what happened in the terms of the model.
+
+    The thrust of a propeller has a part that falls with the square of the speed. The model has it
+    in its drag, and nothing fouls it.
+    """
+    if truth["happening"] != "fouling":
+        return -float(truth["size"])
+    before, after = (_drag(name, truth, share) for share in (0.0, 1.0))
+    return after / before - 1.0
+
+
+def _drag(name: str, truth: dict[str, Any], share: float) -> float:
+    """Acceleration against a vehicle ahead that no rate of the propeller has a part in."""
+    from seatrial.season import BOATS, changed_plant, plant_of
+    from seatrial.vehicles import build_body, load_vehicle
+
+    (boat,) = (b for b in BOATS if b.name == name)
+    plant = changed_plant(plant_of(boat, truth["trials"][0]["seed"] // TRIAL_SEEDS), boat, share)
+    body = build_body(load_vehicle(boat.table).file, plant)
+    revs = np.array([0.8, 1.0, 1.2]) * plant.cruise_rpm / 60.0
+    rates = [true_rates(body, np.array([AHEAD_MPS, 0.0, 0.0]), 0.0, n)[0] for n in revs]
+    return float(np.polyfit(revs, rates, 2)[-1])
 
 
 def _tells(change: Any, truth: dict[str, Any], names: list[str]) -> bool:

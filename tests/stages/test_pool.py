@@ -25,7 +25,7 @@ from auvident.schema.artifacts import IdentifiedModel
 from auvident.schema.effects import BY_ID, EFFECTS, parameter_of
 from auvident.stages.pool import PoolResult, PoolTrial, changes_of, pool
 from auvident.stages.pool.carry import about_common, carrier, map_of
-from auvident.stages.pool.changes import _Teller, model_value, of_shares, quantities
+from auvident.stages.pool.changes import _Teller, of_shares, quantities
 from auvident.stages.pool.collect import collect, refuse_others
 from auvident.stages.pool.model import Together, model_of_all
 from auvident.stages.pool.stage import strangers
@@ -57,6 +57,11 @@ def another_vehicle() -> str:
 
 def models() -> list[IdentifiedModel]:
     return [IdentifiedModel.model_validate_json(text) for text in one_vehicle()[1]]
+
+
+def result_value(result: PoolResult, name: str) -> float:
+    """Value of a parameter in the pooled model, internal."""
+    return {**result.model.values(), **internal_values(result.model.effects)}[name]
 
 
 def trials(found: list[IdentifiedModel]) -> list[PoolTrial]:
@@ -101,7 +106,7 @@ def test_one_trial_pooled_is_itself() -> None:
     result = pool([PoolTrial("only", first)])
     motions = map_of(result.data)
     own = result.data.means[0]
-    theta = np.array([model_value(result, name) for name in result.data.names])
+    theta = np.array([result_value(result, name) for name in result.data.names])
     theta = (theta - result.data.origin) / result.data.unit
     slopes = motions.slopes(own)
     fitted = fitted_covariance(first) / np.outer(result.data.unit, result.data.unit)
@@ -374,7 +379,7 @@ def test_a_step_is_told_in_a_sentence_with_its_size(what: str, sentence: str) ->
     result = series()
     data = result.data
     (group,) = [g for g in quantities(data) if g.id == what]
-    values = np.array([model_value(result, name) for name in data.names])
+    values = np.array([result_value(result, name) for name in data.names])
     along = np.array(
         [v if n in group.symbols else 0.0 for n, v in zip(data.names, values, strict=True)]
     )
@@ -409,7 +414,7 @@ def series() -> PoolResult:
     for one in (data.told[k % 4] for k in range(12)):
         values, vectors = np.linalg.eigh(one.information)
         root = vectors * np.sqrt(np.maximum(values, 0.0))
-        theta = (np.array([model_value(result, n) for n in data.names]) - data.origin) / data.unit
+        theta = (np.array([result_value(result, n) for n in data.names]) - data.origin) / data.unit
         told.append(replace(one, score=one.information @ theta + root @ rng.normal(size=len(root))))
     own = [
         replace(data.trials[k % 4], name=f"trial-{k}", date=DAY.format(k + 1)) for k in range(12)
@@ -438,7 +443,8 @@ def with_dvl_scale(result: PoolResult, fractions: list[float], std: float) -> Po
         told=told,
     )
     model = result.model.model_copy(update={"effects": (*result.model.effects, row)})
-    return replace(result, model=model, data=data)
+    values = np.append(result.values, np.mean(fractions))
+    return replace(result, model=model, data=data, values=values)
 
 
 def test_a_scale_error_changes_by_a_difference_though_it_has_no_unit() -> None:

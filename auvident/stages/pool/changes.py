@@ -97,7 +97,7 @@ def changes_of(
         )
         return nothing.model_copy(update={"findings": (*strange, few)})
     groups = quantities(data)
-    theta = np.array([model_value(result, name) for name in data.names])
+    theta = result.values
     directions = np.vstack([np.eye(len(data.names)), *(_along(g, data, theta) for g in groups)])
     times = _times(dates, dated)
     found, trials = search(data.told, directions, times, rng, false_alarms)
@@ -132,14 +132,6 @@ def _as_given(result: PoolResult) -> Iterator[Finding]:
             "the trials were given, and not in that of the dates of the others",
             remedy="Give the trials in the order in which they were at sea.",
         )
-
-
-def model_value(result: PoolResult, name: str) -> float:
-    """Pooled value of a parameter, in the unit of the equations."""
-    model = result.model
-    if "." in name:
-        return float(next(e["internal"][name] for e in model.effects if name in e["internal"]))
-    return model.values()[name]
 
 
 def _along(group: ShareOf, data: Collected, theta: Array) -> Array:

@@ -54,11 +54,23 @@ class Copy(NamedTuple):
 
 @dataclass(frozen=True)
 class PoolResult:
-    """The pooled model, and what trials that went in said of what (for changes)."""
+    """The pooled model, and what trials that went in say of what near their own (for changes).
+
+    Attributes
+    ----------
+    model : PooledModel
+    data : Collected
+        As the models of the trials tell them: one that changed is far from the others.
+    between : (n,) array
+        Variance between them.
+    values : (n,) array
+        Of all together, in the units of the equations.
+    """
 
     model: PooledModel
     data: Collected
     between: Array
+    values: Array
 
 
 def pool(trials: Sequence[PoolTrial], *, keep: bool = False) -> PoolResult:
@@ -107,7 +119,10 @@ def pool(trials: Sequence[PoolTrial], *, keep: bool = False) -> PoolResult:
         p=agree.p,
         clipped=max(t.clipped for t in data.told),
     )
-    return PoolResult(model_of_all(together, pooling, findings), by_models, scatter)
+    n = len(data.names)
+    near = pooled(by_models.told, np.zeros(n), np.ones(n), scatter).mean
+    values = by_models.origin + by_models.unit * near
+    return PoolResult(model_of_all(together, pooling, findings), by_models, scatter, values)
 
 
 def copies(trials: Sequence[PoolTrial]) -> dict[int, Copy]:
