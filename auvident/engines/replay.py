@@ -68,8 +68,10 @@ class Replay:
         if not np.isfinite(half):
             return None
         values = dict(zip([*common, *own], p[free.positions].tolist(), strict=True))
-        away = (p[free.positions][len(common) :] - self._priors(own)) / self._scales(own)
-        told = _eliminated(gradient, information, away, len(common))
+        ended = p[free.positions][len(common) :]
+        away = (ended - self._priors(own)) / self._scales(own)
+        low, high = (np.isclose(ended, bound) for bound in bounds_of(own))
+        told = _eliminated(gradient, information, away, len(common), (low, high))
         return Replayed(half + 0.5 * float(away @ away), *told, values)
 
     def own_beside(self, model: IdentifiedModel) -> dict[str, float]:
@@ -138,15 +140,21 @@ class Replay:
         return np.array([priors[name] for name in names])
 
 
-def _eliminated(gradient: Array, information: Array, away: Array, n: int) -> tuple[Array, Array]:
+def _eliminated(
+    gradient: Array, information: Array, away: Array, n: int, lies_at: tuple[Array, Array]
+) -> tuple[Array, Array]:
     """Gradient and information about the first n parameters, the others at their best.
 
-    These are ``away`` (k,) from their prior, in its standard deviations.
+    These are ``away`` (k,) from their prior, in its standard deviations; at their lower or upper
+    bound (``lies_at``) they stay where what pulls them would take them beyond.
     """
-    held = information[n:, n:] + np.eye(len(away))
-    share = np.linalg.solve(held, information[n:, :n])
-    left = information[:n, :n] - information[:n, n:] @ share
-    return gradient[:n] - share.T @ (gradient[n:] + away), 0.5 * (left + left.T)
+    low, high = lies_at
+    pull = gradient[n:] + away
+    loose = n + np.flatnonzero(~(low & (pull > 0.0)) & ~(high & (pull < 0.0)))
+    held = information[np.ix_(loose, loose)] + np.eye(len(loose))
+    share = np.linalg.solve(held, information[loose, :n])
+    left = information[:n, :n] - information[:n, loose] @ share
+    return gradient[:n] - share.T @ pull[loose - n], 0.5 * (left + left.T)
 
 
 @dataclass(frozen=True)

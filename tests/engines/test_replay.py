@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from auvident.engines.carried import internal_values, prior_behind
-from auvident.engines.replay import Replay, replay_of
+from auvident.engines.replay import Replay, _eliminated, replay_of
 from auvident.schema.artifacts import IdentifiedModel
 from auvident.stages.identify import replay_in
 from tests.bench.pool import trials_of_one, world_of
@@ -93,6 +93,22 @@ def test_what_is_the_trials_own_takes_from_what_is_told() -> None:
     taken = np.linalg.eigvalsh(given.information[:n, :n] - free.information)
     assert taken.min() > -1e-6 * taken.max()
     assert taken.max() > 0.0
+
+
+def test_what_lies_at_its_bound_and_is_pulled_beyond_stays_there() -> None:
+    """A lag cannot be less than none: what asks for that tells nothing of the others."""
+    information, away = np.array([[4.0, 1.0], [1.0, 2.0]]), np.zeros(1)
+    lies, nowhere = np.array([True]), np.array([False])
+    for slope, stays in ((0.6, True), (-0.6, False)):
+        gradient = np.array([0.5, slope])
+        found = _eliminated(gradient, information, away, 1, (lies, nowhere))
+        if stays:
+            assert found == (gradient[:1], information[:1, :1])
+        else:
+            assert found[0] == pytest.approx(0.5 - slope / 3.0)
+            assert found[1] == pytest.approx(4.0 - 1.0 / 3.0)
+        mirrored = _eliminated(-gradient, information, away, 1, (nowhere, lies))
+        assert mirrored[0] == pytest.approx(-found[0])
 
 
 def test_an_effect_that_the_model_lacks_is_told_about() -> None:

@@ -36,7 +36,7 @@ from auvident.stages.pool.collect import Collected
 Array = npt.NDArray[Any]
 Load = Callable[[], Replay | None]
 
-ROUNDS = 4
+ROUNDS = 10
 SETTLED = 0.1  # [standard deviations of the pooled coefficients] of a move that ends the rounds
 
 

@@ -383,10 +383,11 @@ def _by_model(names: Sequence[str], count: int) -> Iterator[Finding]:
             where=", ".join(names[:SHOWN]) + (", ..." if len(names) > SHOWN else ""),
             value=float(len(names)),
             message=f"{len(names)} of {count} trials went in as their models tell them, near their "
-            "own coefficients: their maneuvers are not there, are not those of the model any more, "
-            "or run away with the pooled coefficients",
-            remedy="Give run directories with their ingested trials, up to date, in which a plan "
-            "ended with output error (`auvident status RUN`).",
+            "own coefficients: their maneuvers are not there or not those of the model any more, "
+            "the plan ended with a filter, the other plane has told a part of them, or they run "
+            "away with the pooled coefficients",
+            remedy="Give run directories with their ingested trials, in which all stages are up to "
+            "date (`auvident status RUN`).",
         )
 
 
