@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from auvident.engines.carried import internal_values, prior_behind
+from auvident.engines.carried import prior_behind
 from auvident.engines.replay import Replay, _eliminated, replay_of
 from auvident.schema.artifacts import IdentifiedModel
 from auvident.stages.identify import replay_in
@@ -81,18 +81,18 @@ def test_at_its_own_coefficients_the_prior_outweighs_what_the_maneuvers_ask_for(
 
 
 def test_what_is_the_trials_own_takes_from_what_is_told() -> None:
-    """The servo's rate is not known for certain: of the coefficients less is."""
+    """What else is not known for certain leaves less to know of the others."""
     values, scale = coefficients()
-    own = internal_values(model().effects)
-    told = model().covariance
-    at = [told["symbols"].index(s) for s in own]
-    assert own
-    free = replay().about(values, scale)
-    given = replay().about({**values, **own}, np.array([*scale, *np.array(told["scale"])[at]]))
-    n = len(scale)
-    taken = np.linalg.eigvalsh(given.information[:n, :n] - free.information)
+    own = list(values).index("N_uud")
+    rest = {s: v for s, v in values.items() if s != "N_uud"}
+    free = replay().about(rest, np.delete(scale, own))
+    given = replay().about(values, scale)
+    known = np.delete(np.delete(given.information, own, 0), own, 1)
+    taken = np.linalg.eigvalsh(known - free.information)
     assert taken.min() > -1e-6 * taken.max()
-    assert taken.max() > 0.0
+    assert taken[-1] > 1.0
+    assert taken[:-1] == pytest.approx(0.0, abs=1e-3 * taken[-1])  # one parameter, one direction
+    assert free.values["N_uud"] == pytest.approx(values["N_uud"], abs=scale[own])
 
 
 def test_what_lies_at_its_bound_and_is_pulled_beyond_stays_there() -> None:
