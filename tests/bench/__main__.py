@@ -28,6 +28,7 @@ OF_A_STUDY = (
     "population-current_drift",
     "population-clean",
     "population-shown-single",
+    "population-shown-pair-2-times-long",
     "season",
     "season-steady",
     "left-out-trials",

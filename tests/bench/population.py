@@ -62,7 +62,7 @@ def main(arguments: list[str], show: Show) -> None:
         done = [one for one in every if one.get("stage") != GENERATOR]
         parts = ["population", *([plane] if plane != "horizontal" else []), *options.planted]
         parts += ["clean"] * options.clean + [f"shown-{kind}" for kind in shown]
-        parts += [f"{options.times:g}-times"] * (options.times != 1.0)
+        parts += [f"{options.times:g}-times"] * (options.times != 1.0) + ["long"] * options.long
         written.write("-".join(parts), measured(done, options.half), without_empty(found))
 
 
