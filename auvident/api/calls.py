@@ -214,7 +214,8 @@ def pool(
     Parameters
     ----------
     runs : path or sequence of paths
-        Run directories, or files of models; no log is read again.
+        Run directories, or files of models. The maneuvers of a run directory are predicted again
+        with the common coefficients; no log is read again.
     plane : str, optional
         Of runs of both planes; by default the first.
     keep : bool

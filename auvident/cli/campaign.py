@@ -72,8 +72,9 @@ def pool(
 ) -> None:
     """Pool the trials of one vehicle to one model, and say what changed between them.
 
-    RUN is a run directory or its model.json; no log is read again. What one trial cannot show,
-    all together may: the model is used as any other (`simulate`, `export`).
+    RUN is a run directory or its model.json. The maneuvers of a run directory are predicted again
+    with the common coefficients; no log is read again. What one trial cannot show, all together
+    may: the model is used as any other (`simulate`, `export`).
     """
     from auvident.pipeline.left_out_runs import left_out_errors
     from auvident.pipeline.pooling import pool_runs, refuse_change, write_pooled
@@ -84,8 +85,10 @@ def pool(
 
     for written in (file, changes_file):
         refuse_precious(written, *runs, *left_out)
-    found = pool_runs(runs, plane=plane, keep=keep, false_alarms=false_alarms, seed=seed)
     with output.watch() as watch:
+        found = pool_runs(
+            runs, plane=plane, keep=keep, false_alarms=false_alarms, seed=seed, observer=watch
+        )
         for piece in pooled_pieces(found.model, found.changes):
             watch.show(piece)
         if left_out:

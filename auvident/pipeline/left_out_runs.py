@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from auvident.errors import InputError, UsageError
 from auvident.pipeline.given import Given
@@ -10,7 +10,7 @@ from auvident.pipeline.pooling import logs_of, with_small_effects
 from auvident.pipeline.predict import find_model
 from auvident.pipeline.replays import replay_behind
 from auvident.schema.changes import LeftOutTrialError
-from auvident.schema.effects import BY_ID, parameter_of
+from auvident.schema.effects import BY_ID
 from auvident.storage.run_directory import RunDirectory
 
 if TYPE_CHECKING:
@@ -67,20 +67,15 @@ def with_own(
     beside : mapping, optional
         Values of these, internal, in place of those that the trial's own model has.
     """
-    rows = [_at(e, beside or {}) for e in own.effects if BY_ID[str(e["id"])].of_trial]
+    values = beside or {}
+    rows = [
+        e | {"internal": {n: values.get(n, v) for n, v in e["internal"].items()}}
+        for e in own.effects
+        if BY_ID[str(e["id"])].of_trial
+    ]
     place = {name: k for k, name in enumerate(BY_ID)}
     effects = sorted((*model.effects, *rows), key=lambda e: place[str(e["id"])])
     return model.model_copy(update={"effects": tuple(effects)})
-
-
-def _at(effect: dict[str, Any], values: Mapping[str, float]) -> dict[str, Any]:
-    """An effect with other values of its parameters."""
-    internal = {name: values.get(name, value) for name, value in effect["internal"].items()}
-    rows = [
-        row | {"value": parameter_of(name).shown(value, 0.0)[0]}
-        for row, (name, value) in zip(effect["parameters"], internal.items(), strict=True)
-    ]
-    return effect | {"internal": internal, "parameters": rows}
 
 
 def _errors(

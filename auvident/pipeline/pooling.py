@@ -1,4 +1,4 @@
-"""Trials pooled from their run directories: models, dates and vehicle files are read, no log."""
+"""Trials pooled from their run directories: models, maneuvers and vehicle files, but no log."""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -9,9 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from auvident.errors import GateError, InputError, StageError
+from auvident.pipeline.observer import Observer
 from auvident.pipeline.predict import VEHICLE, find_model
 from auvident.pipeline.remedies import made_again, run_around
 from auvident.pipeline.replays import MANEUVERS, QUALITY, replay_behind
+from auvident.pipeline.steps import begin_with_kernels
 from auvident.schema.pooled import POOLED
 from auvident.storage.artifacts import json_bytes, read_json, read_model, write_bytes
 from auvident.storage.run_directory import MANIFEST, RunDirectory
@@ -44,8 +46,9 @@ def pool_runs(
     false_alarms: float | None = None,
     seed: int = 0,
     names: Mapping[Path, str] | None = None,
+    observer: Observer | None = None,
 ) -> PooledRuns:
-    """Pool the models of runs of one vehicle, in the order of their dates.
+    """Pool the trials of runs of one vehicle, in the order of their dates.
 
     Parameters
     ----------
@@ -62,6 +65,8 @@ def pool_runs(
     names : mapping, optional
         What to call the trials; without it as their folders, with what is above these where two
         have one name.
+    observer : Observer, optional
+        Who is told where the first use takes longer.
 
     Raises
     ------
@@ -78,6 +83,7 @@ def pool_runs(
     _refuse_other_files(targets)
     called = told_apart(targets) if names is None else [names.get(t, t.name) for t in targets]
     trials = in_order([_trial(t, plane, n) for t, n in zip(targets, called, strict=True)])
+    begin_with_kernels(observer or Observer())
     result = pool(trials, keep=keep)
     rate = FALSE_ALARMS if false_alarms is None else false_alarms
     changes = changes_of(result, np.random.default_rng(seed), rate)

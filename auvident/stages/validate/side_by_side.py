@@ -49,19 +49,17 @@ def held_out_errors(
 def side_by_side(
     one: Sequence[Prediction], other: Sequence[Prediction], plane: Plane
 ) -> dict[str, ErrorPair]:
-    """Errors by channel of two predictions of the same maneuvers, without those that either loses.
+    """Errors by channel of two predictions of the same maneuvers; infinite where one runs away.
 
     Whether one is worse is told as Diebold and Mariano (1995) do: by the mean difference of their
     squared errors over its standard error, here from the means over parts of the maneuvers.
     """
     squares: dict[str, tuple[str, list[Array]]] = {}
     for a, b in zip(one, other, strict=True):
-        if a.ran_away or b.ran_away:
-            continue
         for mine, theirs in zip(channel_pairs(a, plane), channel_pairs(b, plane), strict=True):
             name, unit, *_ = mine
             both = np.column_stack([_squared(*pair[2:]) for pair in (mine, theirs)])
-            squares.setdefault(name, (unit, []))[1].append(both[np.isfinite(both).all(axis=1)])
+            squares.setdefault(name, (unit, []))[1].append(both[~np.isnan(both).any(axis=1)])
     return {
         name: _pair(unit, pieces)
         for name, (unit, pieces) in squares.items()
@@ -70,13 +68,18 @@ def side_by_side(
 
 
 def _squared(measured: Array, simulated: Array) -> Array:
-    """Squared errors (n,), of a track those of the place."""
+    """Squared errors (n,), of a track those of the place; NaN where nothing was measured."""
     error: Array = (measured - simulated).reshape(len(measured), -1)
-    return (error**2).sum(axis=1)
+    seen = np.isfinite(measured).reshape(len(measured), -1).all(axis=1)
+    found = (error**2).sum(axis=1)
+    return np.where(seen, np.where(np.isfinite(found), found, np.inf), np.nan)
 
 
 def _pair(unit: str, pieces: Sequence[Array]) -> ErrorPair:
     one, other = np.sqrt(np.mean(np.concatenate(pieces), axis=0))
+    if not (np.isfinite(one) and np.isfinite(other)):
+        better = 0.5 * (1.0 + np.isinf(other) - np.isinf(one))
+        return ErrorPair(unit, float(one), float(other), float(better))
     parts = [part for piece in pieces for part in np.array_split(piece, PARTS) if len(part)]
     away = np.array([part[:, 0].mean() - part[:, 1].mean() for part in parts])
     return ErrorPair(unit, float(one), float(other), worse_by_chance(away))
