@@ -284,13 +284,18 @@ def test_an_effect_of_one_sign_is_not_pooled_to_the_other() -> None:
 def test_a_share_is_one_of_the_value_before_the_change(kind, share) -> None:
     """Of a pooled 10: 8 before a step of 2, or 8 amid a drift by 2 that began at 7."""
     data = SimpleNamespace(names=("Y_uud",), unit=np.array([4.0]))
-    teller = _Teller(data, (), np.array([10.0]), np.array([8.0]), dated=False)
+    known = np.eye(1), np.zeros((1, 1))
+    teller = _Teller(data, (), np.array([10.0]), np.array([8.0]), dated=False, levels=known)
     found = FoundChange(kind, 0, 1, (1, 1), 0.2, 0.02, 9.0, 0.001, ())
     size, std = teller._of_before(found, 0.2, 0.02)
     assert size == pytest.approx(share)
     change = 1.0e-6  # the standard deviation goes with the slope
     more, _ = teller._of_before(found, 0.2 + change, 0.02)
     assert std == pytest.approx(0.02 * (more - size) / change, rel=1e-4)
+    slope, level = 3.0, 3.0 * 10.0 / 4.0  # its acceleration, known to a tenth
+    unknown = np.eye(1) * slope, np.array([[(0.1 * level) ** 2]])
+    _, wider = replace(teller, levels=unknown)._of_before(found, 0.2, 0.02)
+    assert wider == pytest.approx(np.hypot(std, 0.1 * size))
 
 
 def strangers_among(*estimates: np.ndarray) -> set[int]:
@@ -441,8 +446,14 @@ def with_dvl_scale(result: PoolResult, fractions: list[float], std: float) -> Po
         unit=np.append(result.data.unit, unit),
         origin=np.append(result.data.origin, 0.0),
         told=told,
+        effects=(*result.data.effects, "dvl_scale"),
     )
-    model = result.model.model_copy(update={"effects": (*result.model.effects, row)})
+    was = result.model.covariance
+    wide = {k: block_diag(was[k], 0.0).tolist() for k in ("matrix", "scatter")}
+    flat = {k: [*was[k], 0.0] for k in ("fitted_variance", "scale", "prior")}
+    told_of = {"symbols": [*was["symbols"], name], **wide, **flat}
+    effects = (*result.model.effects, row)
+    model = result.model.model_copy(update={"effects": effects, "covariance": told_of})
     values = np.append(result.values, np.mean(fractions))
     return replace(result, model=model, data=data, values=values)
 

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from auvident.constants import NORMAL_95
+from auvident.engines.carried import claimed_covariance
 from auvident.estimation.change import ChangeSearch, FoundChange, course, search, series_along
 from auvident.physics.terms import LINEAR_DRAG
 from auvident.schema.artifacts import Finding
@@ -16,6 +17,7 @@ from auvident.schema.changes import Changes, SeriesPoint, VehicleChange
 from auvident.schema.coefficients import ESTIMATED
 from auvident.schema.effects import parameter_of
 from auvident.schema.planes import BY_PLANE
+from auvident.stages.pool.carry import map_of
 from auvident.stages.pool.collect import Collected
 from auvident.stages.pool.stage import FITS_NO_OTHER, PoolResult
 
@@ -101,7 +103,8 @@ def changes_of(
     directions = np.vstack([np.eye(len(data.names)), *(_along(g, data, theta) for g in groups)])
     times = _times(dates, dated)
     found, trials = search(data.told, directions, times, rng, false_alarms)
-    teller = _Teller(data, groups, theta, data.origin + data.unit * found.theta, dated)
+    before = data.origin + data.unit * found.theta
+    teller = _Teller(data, groups, theta, before, dated, _levels(result))
     return nothing.model_copy(
         update={
             "findings": (*strange, *_as_given(result)),
@@ -163,15 +166,25 @@ class _Measure(NamedTuple):
     share: bool
 
 
+def _levels(result: PoolResult) -> tuple[Array, Array]:
+    """Accelerations by coefficients (q, n), and the covariance (q, q) of their pooled errors."""
+    data = result.data
+    theta = (result.values - data.origin) / data.unit
+    slopes = map_of(data).slopes(theta)
+    covariance = claimed_covariance(result.model) / np.outer(data.unit, data.unit)
+    return slopes, slopes @ covariance @ slopes.T
+
+
 @dataclass(frozen=True)
 class _Teller:
-    """Numbers of a change to words."""
+    """Numbers of a change to words; ``levels`` as from `_levels`."""
 
     data: Collected
     groups: tuple[ShareOf, ...]
     theta: Array
     before: Array
     dated: bool
+    levels: tuple[Array, Array]
 
     def change(self, found: FoundChange) -> VehicleChange:
         """A change as it stands in the artifact."""
@@ -211,7 +224,17 @@ class _Teller:
         own, before = (values[at] / self.data.unit[at] for values in (self.theta, self.before))
         ratio = float(before @ own) / float(own @ own)
         start = 1.0 if found.kind == "step" else 1.0 - 0.5 * size / ratio
-        return size / ratio / start, std / abs(ratio) / start**2
+        share, std = size / ratio / start, std / abs(ratio) / start**2
+        return share, float(np.hypot(std, share * self._level_std(at, own)))
+
+    def _level_std(self, at: Sequence[int], own: Array) -> float:
+        """Relative error of what a share is one of, in accelerations.
+
+        These are what trials see: of a coefficient its scale, which none of them sees, would count.
+        """
+        slopes, covariance = self.levels
+        level = slopes[:, at] @ own
+        return float(np.sqrt(max(level @ covariance @ level, 0.0)) / (level @ level))
 
     def name(self, direction: int) -> str:
         """Of a coefficient or a group."""
