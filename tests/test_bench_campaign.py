@@ -5,7 +5,7 @@ import pytest
 from auvident.schema.changes import LeftOutTrialError
 from tests.bench.campaign_cost import A_VEHICLE, calculated
 from tests.bench.length import GROWING, exponents
-from tests.bench.season import left_out
+from tests.bench.season import in_model, left_out
 
 PARTS = {
     "in a campaign s": 36.0,
@@ -48,3 +48,10 @@ def test_an_exponent_of_one_is_growth_in_step() -> None:
     assert [row["maneuvers"] for row in found] == ["6 to 24", "24 to 96", "6 to 96"]
     assert [row["ingest"] for row in found] == pytest.approx([1.0, 2.0, 1.5])
     assert {row["segment"] for row in found} == {1.0}
+
+
+def test_fouling_is_a_smaller_share_of_what_the_model_has_in_its_drag() -> None:
+    """The part of the thrust that falls with the square of the speed is in it as well."""
+    truth = {"happening": "fouling", "size": 0.3, "trials": [{"seed": 1000}]}
+    assert 0.15 < in_model("brio", truth) < 0.25
+    assert in_model("alba", {"happening": "bent fin", "size": 0.2}) == -0.2
