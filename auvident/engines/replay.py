@@ -23,13 +23,16 @@ from auvident.engines.records import STATE_COLUMNS, Record
 from auvident.engines.setup import active_states, bounds_of
 from auvident.errors import NumericsError
 from auvident.estimation.coloured import Colour
+from auvident.estimation.pooling import eliminated
 from auvident.physics.terms import Structure, parameter_vector, structure_of
 from auvident.schema.artifacts import IdentifiedModel
 from auvident.schema.effects import BY_ID
 
 Array = npt.NDArray[Any]
 
-OWN_STEPS, OWN_TOLERANCE = 6, 1.0e-5  # of the fit of what is a trial's own: near its end already
+# Of the fit of what is a trial's own. It begins where the trial's model ended, some standard
+# deviations away; what it leaves is in the gradient, and the next round goes on from there.
+OWN_STEPS, OWN_TOLERANCE = 6, 1.0e-5
 
 
 @dataclass(frozen=True)
@@ -150,11 +153,9 @@ def _eliminated(
     """
     low, high = lies_at
     pull = gradient[n:] + away
-    loose = n + np.flatnonzero(~(low & (pull > 0.0)) & ~(high & (pull < 0.0)))
-    held = information[np.ix_(loose, loose)] + np.eye(len(loose))
-    share = np.linalg.solve(held, information[loose, :n])
-    left = information[:n, :n] - information[:n, loose] @ share
-    return gradient[:n] - share.T @ pull[loose - n], 0.5 * (left + left.T)
+    loose = np.flatnonzero(~(low & (pull > 0.0)) & ~(high & (pull < 0.0)))
+    slope, left, _ = eliminated(gradient, information, np.arange(n), n + loose, pull[loose])
+    return slope, left
 
 
 @dataclass(frozen=True)

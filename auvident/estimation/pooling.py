@@ -90,6 +90,32 @@ def told_by(mean: Array, covariance: Array, prior_mean: Array, prior_variance: A
     return TrialData(information, score, max(0.0, -float(values[0])))
 
 
+def eliminated(
+    gradient: Array, information: Array, kept: Array, gone: Array, pull: Array
+) -> tuple[Array, Array, Array]:
+    """Gradient and information about some parameters, others being at their best beside a prior.
+
+    Parameters
+    ----------
+    gradient, information : (n,), (n, n) array
+        Of minus the log likelihood, in standard deviations of the prior.
+    kept, gone : (m,), (k,) int array
+    pull : (k,) array
+        Gradient by what is eliminated, with that of its prior.
+
+    Returns
+    -------
+    (m,), (m, m) array
+        The Schur complement.
+    (k, m) array
+        How what is eliminated moves against what is kept.
+    """
+    held = information[np.ix_(gone, gone)] + np.eye(len(gone))
+    share = np.linalg.solve(held, information[np.ix_(gone, kept)])
+    left = information[np.ix_(kept, kept)] - information[np.ix_(kept, gone)] @ share
+    return gradient[kept] - share.T @ pull, 0.5 * (left + left.T), share
+
+
 def spread_over(told: TrialData, at: Sequence[int], n: int) -> TrialData:
     """The same among n parameters, at these places."""
     information, score = np.zeros((n, n)), np.zeros(n)

@@ -87,6 +87,15 @@ def test_what_nobody_claims_stays_the_trials_own() -> None:
     assert found.covariance["fitted_variance"][i] < data.unit[i] ** 2
 
 
+def test_coefficients_that_do_not_settle_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert not any(f.code == "pool-unsettled" for f in pool(trials()).model.findings)
+    monkeypatch.setattr("auvident.stages.pool.again.ROUNDS", 1)
+    monkeypatch.setattr("auvident.stages.pool.again.SETTLED", 0.0)
+    monkeypatch.setattr("auvident.stages.pool.stage.SETTLED", 0.0)
+    (told,) = (f for f in pool(trials()).model.findings if f.code == "pool-unsettled")
+    assert told.value is not None and told.value > 0.0
+
+
 def test_trials_without_maneuvers_count_as_their_models_tell_them_and_are_named() -> None:
     first, *others = trials()
     found = pool([replace(first, replay=None), *others]).model

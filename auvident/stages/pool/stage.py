@@ -23,7 +23,7 @@ from auvident.estimation.pooling import (
 )
 from auvident.schema.artifacts import ESTIMATE_CONTRADICTED, Finding
 from auvident.schema.pooled import PooledModel, PooledParameter, PooledTrial, PooledValue, Pooling
-from auvident.stages.pool.again import again
+from auvident.stages.pool.again import SETTLED, again
 from auvident.stages.pool.carry import about_common
 from auvident.stages.pool.collect import Collected, PoolTrial, collect, shown, unit_of
 from auvident.stages.pool.model import Together, model_of_all, named
@@ -61,15 +61,12 @@ class PoolResult:
     model : PooledModel
     data : Collected
         As the models of the trials tell them: one that changed is far from the others.
-    between : (n,) array
-        Variance between them.
     values : (n,) array
         Of all together, in the units of the equations.
     """
 
     model: PooledModel
     data: Collected
-    between: Array
     values: Array
 
 
@@ -110,6 +107,7 @@ def pool(trials: Sequence[PoolTrial], *, keep: bool = False) -> PoolResult:
         *_strange(told, twice),
         *_findings(together, agree, each),
         *_by_model(told_again.by_model, len(data.trials)),
+        *_unsettled(told_again.moved),
     )
     pooling = Pooling(
         trials=told,
@@ -122,7 +120,7 @@ def pool(trials: Sequence[PoolTrial], *, keep: bool = False) -> PoolResult:
     n = len(data.names)
     near = pooled(by_models.told, np.zeros(n), np.ones(n), scatter).mean
     values = by_models.origin + by_models.unit * near
-    return PoolResult(model_of_all(together, pooling, findings), by_models, scatter, values)
+    return PoolResult(model_of_all(together, pooling, findings), by_models, values)
 
 
 def copies(trials: Sequence[PoolTrial]) -> dict[int, Copy]:
@@ -388,6 +386,19 @@ def _by_model(names: Sequence[str], count: int) -> Iterator[Finding]:
             "away with the pooled coefficients",
             remedy="Give run directories with their ingested trials, in which all stages are up to "
             "date (`auvident status RUN`).",
+        )
+
+
+def _unsettled(moved: float) -> Iterator[Finding]:
+    """Common coefficients that still moved in the last round."""
+    if moved >= SETTLED:
+        yield Finding(
+            code="pool-unsettled",
+            value=moved,
+            threshold=SETTLED,
+            message="the common coefficients still moved when the rounds of predicting all "
+            "maneuvers with them ended (standard deviations)",
+            remedy="See which trial is far from the others: without it they may settle.",
         )
 
 
