@@ -53,7 +53,7 @@ def left_out_errors(model: "PooledModel", targets: Sequence[Path]) -> list[LeftO
         full = with_small_effects(path, own)
         replay = replay_behind(path, full)
         beside = replay.own_beside(model) if replay else {}
-        found += _errors(target, with_own(model, full, beside), own)
+        found += errors_beside(target, with_own(model, full, beside), own)
     return found
 
 
@@ -78,9 +78,10 @@ def with_own(
     return model.model_copy(update={"effects": tuple(effects)})
 
 
-def _errors(
+def errors_beside(
     target: Path, model: "IdentifiedModel", own: "IdentifiedModel"
 ) -> list[LeftOutTrialError]:
+    """Errors of the held-out maneuvers of a run, by a model and by its own."""
     from auvident.stages.validate import held_out_errors
 
     given = Given(RunDirectory(target))

@@ -50,6 +50,8 @@ def pool_runs(
 ) -> PooledRuns:
     """Pool the trials of runs of one vehicle, in the order of their dates.
 
+    Where it changed, the model is of the vehicle as it is since then.
+
     Parameters
     ----------
     targets : sequence of Path
@@ -82,11 +84,13 @@ def pool_runs(
 
     _refuse_other_files(targets)
     called = told_apart(targets) if names is None else [names.get(t, t.name) for t in targets]
-    trials = in_order([_trial(t, plane, n) for t, n in zip(targets, called, strict=True)])
+    trials = in_order([pool_trial(t, plane, n) for t, n in zip(targets, called, strict=True)])
     begin_with_kernels(observer or Observer())
     result = pool(trials, keep=keep)
     rate = FALSE_ALARMS if false_alarms is None else false_alarms
     changes = changes_of(result, np.random.default_rng(seed), rate)
+    if changes.changes:
+        result = pool(trials, keep=keep, changes=changes.changes)
     return PooledRuns(result.model, changes)
 
 
@@ -114,7 +118,8 @@ def told_apart(paths: Sequence[Path]) -> list[str]:
     return names
 
 
-def _trial(target: Path, plane: str | None, name: str) -> "PoolTrial":
+def pool_trial(target: Path, plane: str | None, name: str) -> "PoolTrial":
+    """A run as it is pooled: its model, its date, its logs, and how its maneuvers are loaded."""
     from auvident.stages.pool import PoolTrial
 
     path, model = find_model(target, plane)

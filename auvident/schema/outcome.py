@@ -21,6 +21,7 @@ SEVERITIES: dict[str, Severity] = {
     "nothing_held_out": "error",
     "planes-disagree": "error",
     "plane-not-identified": "error",
+    "as-since-change": "note",
     "ase_does_not_apply": "note",
     "assumed_propulsion_factor": "note",
     "assumed_section": "note",

@@ -5,7 +5,7 @@ and new thruster are looked for among the changes of their vehicle; every other 
 alarm, as is every change of a season in which nothing happens (``--steady``). The trial under the
 wrong name and the bad logs are looked for among the trials that failed or fit no other.
 ``--left-out`` has each trial of a steady season predicted by the model of all others of its
-vehicle, beside its own fit.
+vehicle, beside its own fit; and by one that has seen even what the trial held out.
 """
 
 import argparse
@@ -23,13 +23,15 @@ import numpy as np
 from auvident.pipeline.campaign import CampaignPlan, run_campaign
 from auvident.pipeline.left_out_runs import left_out_errors
 from auvident.pipeline.observer import Observer
-from auvident.pipeline.pooling import pool_runs
+from auvident.pipeline.pooling import pool_runs, pool_trial
 from auvident.pipeline.warming import warm_for_runs
 from auvident.schema.campaign import CampaignResult
 from auvident.schema.changes import LeftOutTrialError
+from auvident.stages.pool import pool
 from auvident.storage.campaign_file import read_campaign
 from tests.bench import written
 from tests.bench.effects import program
+from tests.bench.seen import errors_having_seen
 from tests.bench.totals import true_rates
 from tests.engines.chain import SAMPLES
 
@@ -74,10 +76,10 @@ def main(arguments: list[str], show: Callable[[str, list[dict[str, Any]]], None]
         plan = CampaignPlan(folder / "out", trials, options.jobs)
         done = run_campaign(plan, _Told(), warm=warm_for_runs)
         if options.left_out:
-            found, section = left_out(errors_left_out(folder / "out")), "left-out-trials"
+            found, section = left_out_and_seen(folder / "out"), "left-out-trials"
         else:
             truth = json.loads((folder / "truth.json").read_text(encoding="utf-8"))
-            found = judged(done.result, truth)
+            found = judged(done.result, truth) | since_change(folder / "out", truth)
             section = "season-steady" if options.steady else "season"
         for title, rows in found.items():
             show(title, rows)
@@ -95,20 +97,24 @@ def made(folder: Path, trials: int, seed: int, steady: bool) -> None:
         season(folder, trials, seed, STEADY if steady else BOATS, faults=not steady)
 
 
-def errors_left_out(out: Path) -> list[LeftOutTrialError]:
-    """Errors of what each trial held out, by the model of all others of its vehicle and its own."""
-    vehicles = [vehicle for vehicle in sorted(out.iterdir()) if vehicle.is_dir()]
-    found = []
-    for vehicle in vehicles:
+def left_out_and_seen(out: Path) -> dict[str, list[dict[str, Any]]]:
+    """Errors of trials left out in turn; and what no model of all trials could do better."""
+    left: list[LeftOutTrialError] = []
+    seen: list[LeftOutTrialError] = []
+    for vehicle in (place for place in sorted(out.iterdir()) if place.is_dir()):
         runs = sorted(place.parent for place in vehicle.glob("*/run.json"))
         for target in runs:
             model = pool_runs([run for run in runs if run != target]).model
-            found += left_out_errors(model, [target])
-    return found
+            left += left_out_errors(model, [target])
+            seen += errors_having_seen(runs, target)
+    return {
+        "held-out errors of trials left out in turn": against_own(left),
+        "the same where the pooled model has seen what was held out": against_own(seen),
+    }
 
 
-def left_out(errors: Sequence[LeftOutTrialError]) -> dict[str, list[dict[str, Any]]]:
-    """By channel: in how many trials the others predict as well as its own fit, and how well."""
+def against_own(errors: Sequence[LeftOutTrialError]) -> list[dict[str, Any]]:
+    """By channel: in how many trials all predict as well as its own fit, and how well."""
     rows = []
     for channel in dict.fromkeys(e.channel for e in errors):
         own = [e for e in errors if e.channel == channel]
@@ -126,7 +132,46 @@ def left_out(errors: Sequence[LeftOutTrialError]) -> dict[str, list[dict[str, An
                 "unit": own[0].unit,
             }
         )
-    return {"held-out errors of trials left out in turn": rows}
+    return rows
+
+
+def since_change(out: Path, truth: dict[str, Any]) -> dict[str, list[dict[str, Any]]]:
+    """Held-out errors of trials since a change, of a slow one of the last, left out in turn."""
+    spoilt = {tuple(key) for key in truth["faults"].values()}
+    rows = []
+    for name in (n for n, v in truth.items() if n != "faults" and v["happening"]):
+        names = [t["trial"] for t in truth[name]["trials"] if (name, t["trial"]) not in spoilt]
+        runs = [out / name / trial for trial in names]
+        first = truth[name]["first"] or names[-1]
+        errors = [_beside_own(runs, run) for run in runs if run.name >= first]
+        rows += [_by_change(name, channel, errors) for channel in errors[0]]
+    return {"held-out errors of trials since the change, left out in turn": rows}
+
+
+def _beside_own(runs: Sequence[Path], target: Path) -> dict[str, tuple[float, float]]:
+    """By channel, over the trial's own: errors by the model of all others, and as of one vehicle.
+
+    That is what they are if what changed is not seen to.
+    """
+    others = [run for run in runs if run != target]
+    alike = pool([pool_trial(run, None, run.name) for run in others]).model
+    both = (pool_runs(others).model, alike)
+    now, one = (left_out_errors(model, [target]) for model in both)
+    return {a.channel: (a.pooled / a.own, b.pooled / b.own) for a, b in zip(now, one, strict=True)}
+
+
+def _by_change(
+    name: str, channel: str, errors: Sequence[dict[str, tuple[float, float]]]
+) -> dict[str, Any]:
+    now, one = zip(*(e[channel] for e in errors), strict=True)
+    return {
+        "vehicle": name,
+        "channel": channel,
+        "trials": len(errors),
+        "median of pooled over own": median(now),
+        "largest": max(now),
+        "median if nothing had changed": median(one),
+    }
 
 
 def root_mean_square(values: Sequence[float]) -> float:

@@ -23,6 +23,7 @@ from auvident.report.figures_campaign import over_trials
 from auvident.report.tables_campaign import changes as changes_table
 from auvident.schema.artifacts import IdentifiedModel
 from auvident.schema.effects import BY_ID, EFFECTS, parameter_of
+from auvident.schema.pooled import PooledModel
 from auvident.stages.pool import PoolResult, PoolTrial, changes_of, pool
 from auvident.stages.pool.carry import about_common, carrier, map_of
 from auvident.stages.pool.changes import _Teller, of_shares, quantities
@@ -186,9 +187,15 @@ def test_a_scatter_of_zero_is_not_told_as_one_that_the_claim_contains() -> None:
     )
     found = pool(trials([first, second.model_copy(update={"coefficients": tuple(rows)})])).model
     scatter = {p.symbol: p.between_std for p in found.pooling.parameters}
-    told = {f.where: f.message for f in found.findings if f.code == "trials-disagree" and f.where}
+    told = disagreeing(found)
     assert 0.0 in {scatter[name] for name in told}
     assert all(("contains that" in text) == (scatter[name] > 0.0) for name, text in told.items())
+
+
+def disagreeing(found: PooledModel) -> dict[str, str]:
+    """What is said of each coefficient in which trials disagree."""
+    rows = [f for f in found.findings if f.code == "trials-disagree" and f.where]
+    return {name: f.message for f in rows for name in f.where.split(", ")}
 
 
 def test_it_is_a_model_like_any_other_within_what_physics_allows() -> None:
@@ -537,7 +544,7 @@ def test_a_scatter_is_told_in_the_unit_of_its_parameter_and_only_where_there_is_
         for k, m in enumerate(rows)
     ]
     found = pool(trials(moved), keep=True).model
-    told = {f.where: f.message for f in found.findings if f.code == "trials-disagree"}
+    told = disagreeing(found)
     assert told
     for p in found.pooling.parameters:
         if p.symbol in told and p.between_std > 0.0:

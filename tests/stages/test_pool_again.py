@@ -1,5 +1,6 @@
 """Trials told again by their maneuvers, at the coefficients that all have together."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -8,12 +9,17 @@ import pytest
 
 from auvident.engines.carried import internal_values
 from auvident.schema.artifacts import IdentifiedModel
-from auvident.stages.identify import replay_in
+from auvident.schema.changes import VehicleChange
+from auvident.stages.identify import identify, replay_in
 from auvident.stages.pool import PoolTrial, pool
 from auvident.stages.pool.again import again
 from auvident.stages.pool.carry import about_common
 from auvident.stages.pool.collect import collect
+from auvident.stages.pool.stage import changed_since
 from tests.bench.pool import trials_of_one, world_of
+from tests.bench.recovery import NOISE, vehicle_and_prior
+from tests.bench.world import World
+from tests.engines.chain import plan_named
 from tests.session import once
 
 SEED, COUNT, PART = 3, 4, 3
@@ -38,15 +44,15 @@ def trials() -> list[PoolTrial]:
     return found
 
 
-def cost_of(model: IdentifiedModel) -> float:
-    """Of all maneuvers with the model's coefficients, and of these to their prior."""
+def cost_of(model: IdentifiedModel, of: Sequence[PoolTrial] = ()) -> float:
+    """Of all maneuvers, or those of some trials, by a model's coefficients; and to their prior."""
     told = model.covariance
     scale = np.array(told["scale"])
     values = {**model.values(), **internal_values(model.effects)}
     own = [k for k, s in enumerate(told["symbols"]) if "." not in s]
     common = {told["symbols"][k]: values[told["symbols"][k]] for k in own}
     away = (np.array(list(common.values())) - np.array(told["prior"])[own]) / scale[own]
-    replays = [t.replay() for t in trials()]
+    replays = [t.replay() for t in of or trials()]
     return sum(r.about(common, scale[own]).cost for r in replays) + 0.5 * float(away @ away)
 
 
@@ -85,6 +91,96 @@ def test_what_nobody_claims_stays_the_trials_own() -> None:
     row = next(p for p in found.pooling.parameters if p.symbol == SERVO)
     assert (row.freedom, row.between_std) == (0.0, 0.0)
     assert found.covariance["fitted_variance"][i] < data.unit[i] ** 2
+
+
+FIN = ("Y_uud", "N_uud")
+SINCE = VehicleChange(
+    kind="step",
+    what="fin",
+    symbols=FIN,
+    sentence="since trial-2 the rudder gives 30 % less (28 to 32 %)",
+    trial="trial-2",
+    earliest="trial-2",
+    latest="trial-2",
+    size=-0.3,
+    std=0.01,
+    low=-0.32,
+    high=-0.28,
+    unit="-",
+    share=True,
+    score=-20.0,
+    p=0.001,
+)
+
+
+@once
+def bent() -> list[str]:
+    """Models of the same trials, of which the last two have a rudder that gives 30 % less."""
+    vehicle, ase = vehicle_and_prior()
+    found = [t.model for t in trials()[:2]]
+    for world in bent_worlds():
+        made = identify(
+            [world.trial], world.maneuvers, ase, vehicle, NOISE, plan=plan_named("refined")
+        )
+        found.append(made.model)
+    return [m.model_dump_json(by_alias=True) for m in found]
+
+
+def bent_worlds() -> list[World]:
+    truth = dict(of_one_vehicle()[0])
+    truth |= {name: 0.7 * truth[name] for name in FIN}
+    return [world_of(truth, 1000 * SEED + k, PART) for k in (2, 3)]
+
+
+def bent_trials() -> list[PoolTrial]:
+    models = [IdentifiedModel.model_validate_json(text) for text in bent()]
+    pairs = zip(models[2:], bent_worlds(), strict=True)
+    since = [
+        PoolTrial(f"trial-{k}", m, replay=partial(replay_in, [w.trial], w.maneuvers, m))
+        for k, (m, w) in enumerate(pairs, 2)
+    ]
+    return [*trials()[:2], *since]
+
+
+def test_what_changed_is_as_it_is_since_then() -> None:
+    """Not the mean of a straight fin and a bent one; all else is that of all trials."""
+    rows = bent_trials()
+    now = pool(rows, changes=[SINCE]).model
+    mean, last = pool(rows).model, pool(rows[2:]).model
+    costs = [cost_of(model, rows[2:]) for model in (now, mean, last)]
+    assert costs[0] < costs[1] - 50.0
+    assert costs[0] < costs[2] + 10.0
+    of_now, of_last = ({c.symbol: c.data_share for c in m.coefficients} for m in (now, last))
+    assert all(of_now[name] < of_last[name] + 0.05 for name in FIN)
+    assert of_now["T_nn"] > of_last["T_nn"]
+
+
+def test_it_is_so_by_the_models_alone_too() -> None:
+    rows = [replace(t, replay=None) for t in bent_trials()]
+    now, mean = (pool(rows, changes=c).model for c in ([SINCE], []))
+    costs = [cost_of(model, bent_trials()[2:]) for model in (now, mean)]
+    assert costs[0] < 0.05 * costs[1]
+
+
+def test_that_it_is_as_it_is_since_then_is_told() -> None:
+    (told,) = (
+        f
+        for f in pool([replace(t, replay=None) for t in trials()], changes=[SINCE]).model.findings
+        if f.code == "as-since-change"
+    )
+    assert told.where == "Y_uud, N_uud"
+    assert told.message.startswith(SINCE.sentence) and "before trial-2" in told.message
+
+
+def test_of_a_step_the_trials_before_are_different_and_of_a_drift_all_but_the_last() -> None:
+    data = about_common(collect(trials()))
+    late = SINCE.model_copy(update={"latest": "trial-3"})
+    drift = SINCE.model_copy(update={"kind": "drift", "symbols": ("X_uu",)})
+    assert changed_since(data, ()) == [set()] * 4
+    assert changed_since(data, [SINCE]) == [set(FIN), set(FIN), set(), set()]
+    assert changed_since(data, [late]) == [set(FIN), set(FIN), set(FIN), set()]
+    both = changed_since(data, [SINCE, drift])
+    assert both == [{*FIN, "X_uu"}, {*FIN, "X_uu"}, {"X_uu"}, set()]
 
 
 def test_coefficients_that_do_not_settle_are_told(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,9 +10,12 @@ beside its prior, and the pooled model carries the mean. It makes up for what th
 which is the same in every trial. Pooled, its prior counted once against all of them and gave way:
 rudders that answer at once had a lag of 0.12 s, where each trial alone says 0.03, and zigzags that
 were held out were predicted half as badly again.
+
+What changed since a trial is that trial's own, too: the mean of a fin that was straight and is bent
+is that of no vehicle.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -77,7 +80,9 @@ class Again:
         return Pooled(mean, covariance)
 
 
-def again(data: Collected, claimed: Sequence[str]) -> Again:
+def again(
+    data: Collected, claimed: Sequence[str], changed: Sequence[Collection[str]] = ()
+) -> Again:
     """The trials by their maneuvers, about the coefficients that they have together.
 
     Parameters
@@ -86,18 +91,22 @@ def again(data: Collected, claimed: Sequence[str]) -> Again:
         As their models tell them; those without maneuvers stay so.
     claimed : sequence of str
         Effects of the vehicle that are more than what every vehicle may have.
+    changed : sequence of collections of str, optional
+        Parameters that changed since, of each trial.
     """
-    own = [i for i, name in enumerate(data.names) if not _is_claimed(name, claimed)]
-    unclaimed = np.array(own, dtype=np.int64)
+    unclaimed = _places(data, [n for n in data.names if not _is_claimed(n, claimed)])
+    since = changed or [()] * len(data.trials)
+    owns = [_own(data, unclaimed, names) for names in since]
     theta = np.zeros(len(data.names))
-    told = [_apart(t, unclaimed, theta) for t in data.told]
+    told = [_apart(t, own, theta) for t, own in zip(data.told, owns, strict=True)]
     theta, moved = _moved(data, [t for t, _ in told], theta)
     found: list[tuple[TrialData, Array] | None] = []
     for _ in range(ROUNDS):
-        found = each(partial(_about, data, unclaimed, theta), [t.replay for t in data.trials])
+        loads = [(own, t.replay) for own, t in zip(owns, data.trials, strict=True)]
+        found = each(partial(_about, data, theta), loads)
         told = [
-            _apart(t, unclaimed, theta) if one is None else one
-            for t, one in zip(data.told, found, strict=True)
+            _apart(t, own, theta) if one is None else one
+            for t, own, one in zip(data.told, owns, found, strict=True)
         ]
         theta, moved = _moved(data, [t for t, _ in told], theta)
         if moved < SETTLED:
@@ -106,7 +115,7 @@ def again(data: Collected, claimed: Sequence[str]) -> Again:
     return Again(
         replace(data, told=tuple(t for t, _ in told)),
         unclaimed,
-        np.mean([values for _, values in told], axis=0),
+        np.mean([values[: len(unclaimed)] for _, values in told], axis=0),
         np.mean(variances, axis=0)[unclaimed],
         tuple(
             t.name
@@ -115,6 +124,17 @@ def again(data: Collected, claimed: Sequence[str]) -> Again:
         ),
         moved,
     )
+
+
+def _places(data: Collected, names: Collection[str]) -> npt.NDArray[np.int64]:
+    return np.array([i for i, name in enumerate(data.names) if name in names], dtype=np.int64)
+
+
+def _own(
+    data: Collected, unclaimed: npt.NDArray[np.int64], changed: Collection[str]
+) -> npt.NDArray[np.int64]:
+    """Places of what is a trial's own: what no one claims, then what changed since."""
+    return np.concatenate([unclaimed, np.setdiff1d(_places(data, changed), unclaimed)])
 
 
 def _is_claimed(name: str, effects: Sequence[str]) -> bool:
@@ -146,9 +166,13 @@ def _moved(data: Collected, told: Sequence[TrialData], theta: Array) -> tuple[Ar
 
 
 def _about(
-    data: Collected, own: npt.NDArray[np.int64], theta: Array, load: Load | None
+    data: Collected, theta: Array, trial: tuple[npt.NDArray[np.int64], Load | None]
 ) -> tuple[TrialData, Array] | None:
-    """What a trial says about coefficients (n,) in units of the prior, and what is its own (k,)."""
+    """What a trial says about coefficients (n,) in units of the prior, and what is its own (k,).
+
+    ``trial`` has the places of its own, and how its maneuvers are loaded.
+    """
+    own, load = trial
     replay = load() if load else None
     if replay is None:
         return None

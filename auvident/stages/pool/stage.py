@@ -22,6 +22,7 @@ from auvident.estimation.pooling import (
     shrunk,
 )
 from auvident.schema.artifacts import ESTIMATE_CONTRADICTED, Finding
+from auvident.schema.changes import VehicleChange
 from auvident.schema.pooled import PooledModel, PooledParameter, PooledTrial, PooledValue, Pooling
 from auvident.stages.pool.again import SETTLED, again
 from auvident.stages.pool.carry import about_common
@@ -70,7 +71,9 @@ class PoolResult:
     values: Array
 
 
-def pool(trials: Sequence[PoolTrial], *, keep: bool = False) -> PoolResult:
+def pool(
+    trials: Sequence[PoolTrial], *, keep: bool = False, changes: Sequence[VehicleChange] = ()
+) -> PoolResult:
     """Pool trials of one vehicle.
 
     Parameters
@@ -79,6 +82,9 @@ def pool(trials: Sequence[PoolTrial], *, keep: bool = False) -> PoolResult:
         In the order of their dates.
     keep : bool
         Whether a trial that fits no other goes in all the same.
+    changes : sequence of VehicleChange
+        As `changes_of` finds them among these trials. What changed is as it is since then: of it
+        the trials before say nothing.
 
     Raises
     ------
@@ -96,7 +102,7 @@ def pool(trials: Sequence[PoolTrial], *, keep: bool = False) -> PoolResult:
     whole = about_common(own, inside) if out else whole
     by_models = whole.among(inside)
     scatter = for_few(between_trials(by_models.told), len(by_models.told))
-    told_again = again(by_models, named(by_models))
+    told_again = again(by_models, named(by_models), changed_since(by_models, changes))
     data = told_again.data
     between = for_few(between_trials(data.told), len(data.told))
     found = told_again.together(between)
@@ -105,6 +111,7 @@ def pool(trials: Sequence[PoolTrial], *, keep: bool = False) -> PoolResult:
     told = tuple(_trials(whole, out, twice, scatter))
     findings = (
         *_strange(told, twice),
+        *_since(changes),
         *_findings(together, agree, each),
         *_by_model(told_again.by_model, len(data.trials)),
         *_unsettled(told_again.moved),
@@ -121,6 +128,19 @@ def pool(trials: Sequence[PoolTrial], *, keep: bool = False) -> PoolResult:
     near = pooled(by_models.told, np.zeros(n), np.ones(n), scatter).mean
     values = by_models.origin + by_models.unit * near
     return PoolResult(model_of_all(together, pooling, findings), by_models, values)
+
+
+def changed_since(data: Collected, changes: Sequence[VehicleChange]) -> list[set[str]]:
+    """Parameters that each trial has otherwise than the last one.
+
+    A step is over from the latest trial on that it may have come with, a drift with the last one.
+    """
+    names = [t.name for t in data.trials]
+    ends = [names.index(c.latest) if c.kind == "step" else len(names) - 1 for c in changes]
+    return [
+        {s for c, end in zip(changes, ends, strict=True) if k < end for s in c.symbols}
+        for k in range(len(names))
+    ]
 
 
 def copies(trials: Sequence[PoolTrial]) -> dict[int, Copy]:
@@ -315,6 +335,20 @@ def _strange(trials: Sequence[PooledTrial], twice: Mapping[int, Copy]) -> Iterat
             )
 
 
+def _since(changes: Sequence[VehicleChange]) -> Iterator[Finding]:
+    """That what changed is as it is since then."""
+    for change in changes:
+        before = f"before {change.latest}" if change.kind == "step" else "but the last"
+        yield Finding(
+            code="as-since-change",
+            where=", ".join(change.symbols),
+            value=change.size,
+            message=f"{change.sentence}; the pooled model has it as it is since then, of which the "
+            f"trials {before} say nothing",
+            remedy="Pool the runs of before by themselves for a model of the vehicle as it was.",
+        )
+
+
 def _findings(t: Together, agree: Agreement, each: Sequence[Agreement]) -> Iterator[Finding]:
     """What to know of the pooled coefficients."""
     data = t.data
@@ -338,11 +372,12 @@ def _findings(t: Together, agree: Agreement, each: Sequence[Agreement]) -> Itera
             f"{unit}); its standard deviation contains that",
             remedy="See whether it changed at one time: `auvident pool` tells.",
         )
-    for i in (i for i in scattering if t.between[i] <= 0.0):  # with the others held, that is
+    rest = [i for i in scattering if t.between[i] <= 0.0]  # with the others held, that is
+    if rest:
         yield Finding(
             code="trials-disagree",
-            where=data.names[i],
-            value=each[i].p,
+            where=", ".join(data.names[i] for i in rest),
+            value=min(each[i].p for i in rest),
             threshold=DISAGREE / len(each),
             message="differs between trials by more than their errors; the scatter of others "
             "explains that, and it is taken to have none of its own",
