@@ -209,14 +209,11 @@ def free_behind(
     structure, told = structure_behind(model), model.covariance
     kept = [i for i, s in enumerate(told["symbols"]) if s in structure.parameters]
     positions = np.array([structure.index(told["symbols"][i]) for i in kept], dtype=np.int64)
-    column = np.full(len(structure.parameters), -1, dtype=np.int64)
-    column[positions] = np.arange(len(positions))
-    for c in model.coefficients:
-        if c.origin == "kinematic":
-            column[structure.index(c.symbol)] = column[structure.index(LEADERS[c.symbol])]
-    covariance = claim(model)
+    followers = [c.symbol for c in model.coefficients if c.origin == "kinematic"]
+    pairs = [(structure.index(f), structure.index(LEADERS[f])) for f in followers]
     scale = np.array(told["scale"])[kept]
-    return Free(positions, column, scale), covariance[np.ix_(kept, kept)] / np.outer(scale, scale)
+    free = Free.among(len(structure.parameters), positions, scale, pairs)
+    return free, claim(model)[np.ix_(kept, kept)] / np.outer(scale, scale)
 
 
 def frame_of(model: IdentifiedModel, dt_s: float) -> Frame:

@@ -8,7 +8,7 @@ inputs and readings to first order about the parameters of their start.
 
 import math
 import threading
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -92,6 +92,17 @@ class Free:
     positions: npt.NDArray[np.int64]
     column: npt.NDArray[np.int64]
     scale: Array
+
+    @classmethod
+    def among(
+        cls, count: int, positions: Array, scale: Array, followers: Iterable[tuple[int, int]]
+    ) -> "Free":
+        """Some of so many parameters; pairs of one that follows and the one that it follows."""
+        column = np.full(count, -1, dtype=np.int64)
+        column[positions] = np.arange(len(positions))
+        for follower, leader in followers:
+            column[follower] = column[leader]
+        return cls(positions, column, scale)
 
     def at(self, p: Array, values: Array) -> Array:
         """Parameters p with other values of the free ones; what follows moves along."""

@@ -109,14 +109,12 @@ class Replay:
         return _Problem(structure, output, p, tuple(own))
 
     def _free(self, problem: "_Problem", names: Sequence[str], scale: Array) -> Free:
-        structure = problem.structure
-        positions = np.array([structure.index(name) for name in names], dtype=np.int64)
-        column = np.full(len(structure.parameters), -1, dtype=np.int64)
-        column[positions] = np.arange(len(positions))
-        for follower, leader in LEADERS.items():
-            if follower in structure.parameters and leader in names:
-                column[structure.index(follower)] = column[structure.index(leader)]
-        return Free(positions, column, scale)
+        parameters = problem.structure.parameters
+        place = {name: i for i, name in enumerate(parameters)}
+        told = [(f, lead) for f, lead in LEADERS.items() if f in place and lead in names]
+        followers = [(place[f], place[lead]) for f, lead in told]
+        positions = np.array([place[name] for name in names], dtype=np.int64)
+        return Free.among(len(parameters), positions, scale, followers)
 
     def _own_fitted(self, problem: "_Problem") -> Array | None:
         """Parameters with the most probable of a trial's own; None where that leads nowhere."""

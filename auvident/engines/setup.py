@@ -115,11 +115,8 @@ class Setup:
 
     def free(self, positions: Array) -> Free:
         """Parameters that move, with those that follow them."""
-        column = np.full(len(self.prior), -1, dtype=np.int64)
-        column[positions] = np.arange(len(positions))
-        for follower, leader in live_followers(self, positions):
-            column[follower] = column[leader]
-        return Free(positions, column, self.prior_std[positions])
+        followers = live_followers(self, positions)
+        return Free.among(len(self.prior), positions, self.prior_std[positions], followers)
 
     def bounds(self, positions: Array) -> tuple[Array, Array]:
         """Least and largest values of parameters, see `bounds_of`."""

@@ -183,6 +183,16 @@ def test_of_a_step_the_trials_before_are_different_and_of_a_drift_all_but_the_la
     assert both == [{*FIN, "X_uu"}, {*FIN, "X_uu"}, {"X_uu"}, set()]
 
 
+def test_what_nobody_claims_and_changed_is_the_mean_of_the_trials_since() -> None:
+    data = about_common(collect([replace(t, replay=None) for t in trials()]))
+    *before, last = data.told
+    slower = replace(last, score=last.score + last.information[:, data.names.index(SERVO)])
+    data = replace(data, told=(*before, slower))
+    since, whole = (again(data, (), [{SERVO}] * n + [()] * (4 - n)).mean[0] for n in (3, 0))
+    assert since == pytest.approx(again(data.among([3]), ()).mean[0], abs=0.05)
+    assert since > whole + 0.1
+
+
 def test_coefficients_that_do_not_settle_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
     assert not any(f.code == "pool-unsettled" for f in pool(trials()).model.findings)
     monkeypatch.setattr("auvident.stages.pool.again.ROUNDS", 1)

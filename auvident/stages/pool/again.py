@@ -115,7 +115,7 @@ def again(
     return Again(
         replace(data, told=tuple(t for t, _ in told)),
         unclaimed,
-        np.mean([values[: len(unclaimed)] for _, values in told], axis=0),
+        _mean_since(data, unclaimed, [values for _, values in told], since),
         np.mean(variances, axis=0)[unclaimed],
         tuple(
             t.name
@@ -135,6 +135,18 @@ def _own(
 ) -> npt.NDArray[np.int64]:
     """Places of what is a trial's own: what no one claims, then what changed since."""
     return np.concatenate([unclaimed, np.setdiff1d(_places(data, changed), unclaimed)])
+
+
+def _mean_since(
+    data: Collected,
+    unclaimed: npt.NDArray[np.int64],
+    values: Sequence[Array],
+    changed: Sequence[Collection[str]],
+) -> Array:
+    """What no one claims (k,), over the trials of which it did not change since."""
+    own = np.array([row[: len(unclaimed)] for row in values])
+    same = np.array([[data.names[i] not in names for i in unclaimed] for names in changed])
+    return np.asarray(np.average(own, axis=0, weights=same) if own.size else own.mean(axis=0))
 
 
 def _is_claimed(name: str, effects: Sequence[str]) -> bool:
