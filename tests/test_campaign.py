@@ -6,8 +6,10 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from html import unescape
 from pathlib import Path
+from typing import Any
 from urllib.parse import unquote
 
 import pandas as pd
@@ -19,7 +21,6 @@ from auvident.pipeline.campaign import (
     CampaignPlan,
     arguments_of,
     gathered,
-    in_one_plane,
     options_of,
     refuse_among_logs,
     refuse_changes,
@@ -27,9 +28,16 @@ from auvident.pipeline.campaign import (
 )
 from auvident.pipeline.campaign_jobs import PROGRAM, Job, JobDone, LocalProcesses, problem_of
 from auvident.pipeline.campaign_page import write_page
+from auvident.pipeline.campaign_pooling import pooled_by_plane, trials_by_plane
 from auvident.pipeline.left_out_runs import left_out_errors
 from auvident.pipeline.observer import Observer
-from auvident.pipeline.pooling import date_of, logs_behind, pool_runs, refuse_change
+from auvident.pipeline.pooling import (
+    PooledRuns,
+    date_of,
+    logs_behind,
+    pool_runs,
+    refuse_change,
+)
 from auvident.pipeline.predict import find_model
 from auvident.report.campaign_page import render_campaign
 from auvident.report.tables import Number
@@ -244,15 +252,25 @@ def test_trials_of_either_plane_have_their_errors_the_same_on_page_and_terminal(
     assert dives[:6] == ["0.21", "None", "None", "0.22", "0.23", "0.24"]
 
 
-def test_days_of_dives_beside_days_of_turns_keep_nobody_from_being_pooled(
+def test_days_of_dives_beside_days_of_turns_are_pooled_by_themselves(
     demo: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """Each in its plane, and neither keeps the other from being pooled."""
     dive = demo.parent / "dive"
     shutil.copytree(demo, dive)
     monkeypatch.setattr(
-        "auvident.pipeline.campaign.planes_of",
+        "auvident.pipeline.campaign_pooling.planes_of",
         lambda run: ("vertical",) if run.path == dive else ("horizontal",),
     )
+    plane_of_file = {"pooled.json": "horizontal", "pooled-vertical.json": "vertical"}
+    asked = []
+
+    def pooled_as_asked(runs: list[Path], *, plane: str, **options: Any) -> PooledRuns:
+        asked.append(([run.name for run in runs], plane))
+        found = pool_runs(runs, **options)
+        return replace(found, model=found.model.model_copy(update={"plane": plane}))
+
+    monkeypatch.setattr("auvident.pipeline.campaign_pooling.pool_runs", pooled_as_asked)
     trials = [planned("runs", n, "sample_logs/harbour_trial") for n in ("demo", "dive")]
     plan = CampaignPlan(demo.parents[1], trials)
     rows = {
@@ -261,24 +279,36 @@ def test_days_of_dives_beside_days_of_turns_keep_nobody_from_being_pooled(
         )
         for t in trials
     }
-    result = gathered(plan, rows, Observer()).result
-    (first, second), (vehicle,) = result.trials, result.vehicles
-    assert (first.pooled, second.pooled, vehicle.pooled, vehicle.problem) == (True, False, 1, "")
-    assert second.reason.startswith("its model is of the vertical plane, those that are pooled")
-    assert [r["trial"] for r in vehicle.repeat] == ["dive"]
+    done = gathered(plan, rows, Observer())
+    assert asked == [(["demo"], "horizontal"), (["dive"], "vertical")]
+    assert [t.pooled for t in done.result.trials] == [True, True]
+    assert [v.title for v in done.result.vehicles] == ["runs", "runs, vertical plane"]
+    assert [(v.trials, v.pooled, v.repeat) for v in done.result.vehicles] == [(1, 1, ())] * 2
+    for name, plane in plane_of_file.items():
+        tree = json.loads((plan.output / "runs" / name).read_text())
+        assert tree["plane"] == plane
+    table = pd.read_parquet(plan.output / "coefficients.parquet")
+    assert {(r.plane, r.trial) for r in table.itertuples()} == {
+        ("horizontal", "demo"),
+        ("vertical", "dive"),
+    }
+    page = render_campaign(done.result, {n: r.model for n, r in done.pooled.items()})
+    assert '<h2 class="plane" id="runs-vertical-plane">runs, vertical plane</h2>' in page
+    assert page.count("<h3>Trials</h3>") == 1 and '<p class="soft">1 vehicle ' in page
 
 
 @pytest.mark.parametrize(
-    ("planes", "pooled", "apart"),
+    ("planes", "pooled"),
     [
-        ("hv", "horizontal", "b"),
-        ("hvv", "vertical", "a"),
-        ("bvv", "vertical", ""),
-        ("b", "horizontal", ""),
+        ("hv", {"horizontal": "a", "vertical": "b"}),
+        ("hvv", {"vertical": "bc", "horizontal": "a"}),
+        ("bvv", {"vertical": "abc", "horizontal": "a"}),
+        ("b", {"horizontal": "a", "vertical": "a"}),
+        ("hh", {"horizontal": "ab"}),
     ],
 )
-def test_the_plane_that_most_trials_have_is_pooled(
-    tmp_path: Path, planes: str, pooled: str, apart: str
+def test_the_plane_that_most_trials_have_comes_first(
+    tmp_path: Path, planes: str, pooled: dict[str, str]
 ) -> None:
     """h: turns, v: dives, b: both."""
     first = {"h": "horizontal", "v": "vertical", "b": "horizontal"}
@@ -291,8 +321,19 @@ def test_the_plane_that_most_trials_have_is_pooled(
             (stage / "vertical" / "model.json").write_text("{}")
         run = str(tmp_path / name)
         rows.append(CampaignTrial(vehicle="boat", trial=name, log="", run=run, state="done"))
-    plane, why = in_one_plane(rows)
-    assert (plane, "".join(why)) == (pooled, apart)
+    found = {p: "".join(r.trial for r in own) for p, own in trials_by_plane(rows).items()}
+    assert list(found.items()) == list(pooled.items())
+
+
+def test_what_an_earlier_campaign_pooled_is_gone(tmp_path: Path) -> None:
+    names = ("pooled.json", "changes.json", "pooled-vertical.json", "changes-vertical.json")
+    for name in names:
+        (tmp_path / name).write_text("{}")
+    failed = CampaignTrial(vehicle="boat", trial="a", log="", run="", state="failed", problem="no")
+    (found,) = pooled_by_plane(tmp_path, [failed], 0.01, 0)
+    assert found.told.problem == "no trial came to a model"
+    assert found.told.repeat == ({"trial": "a", "why": "no"},)
+    assert not list(tmp_path.iterdir())
 
 
 def queries_of_the_docs(output: Path) -> None:

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 from auvident import __version__
 from auvident.errors import AuvidentError, GateError, InputError, NumericsError, UsageError
 from auvident.pipeline.campaign_jobs import Job, JobDone, JobRunner, LocalProcesses, processors
+from auvident.pipeline.campaign_pooling import PooledVehicle, judged, pooled_by_plane
 from auvident.pipeline.freshness import is_of_this_run
 from auvident.pipeline.observer import Observer
-from auvident.pipeline.planes import planes_of
-from auvident.pipeline.pooling import PooledRuns, alarms, date_of, pool_runs
+from auvident.pipeline.pooling import PooledRuns, alarms, date_of
 from auvident.pipeline.predict import find_model
 from auvident.pipeline.remedies import FLAGS
 from auvident.pipeline.run import up_to_date
@@ -20,12 +20,10 @@ from auvident.pipeline.table import BY_NAME
 from auvident.schema.campaign import (
     CampaignResult,
     CampaignTrial,
-    CampaignVehicleResult,
     RunOptions,
 )
-from auvident.schema.planes import PLANES, Plane
 from auvident.storage.artifacts import json_bytes, parquet_bytes, read_json, write_bytes
-from auvident.storage.campaign_file import CHANGES, POOLED, RESULT, PlannedTrial
+from auvident.storage.campaign_file import RESULT, PlannedTrial
 from auvident.storage.run_directory import RunDirectory
 
 if TYPE_CHECKING:
@@ -33,7 +31,6 @@ if TYPE_CHECKING:
 
 METRICS, COMPARISON = "validate/metrics.json", "refine/comparison.json"
 MOSTLY = 0.5  # share of the data from which on a coefficient is said to come from them
-NEW = 2  # trials since a change, up to which it should be confirmed
 OPTION_NAMES = {key: FLAGS[key] for key in RunOptions.model_fields}
 # Up to where a run must be up to date for its trial to count though its process ended with this
 # code. A gate, or a log that was set aside, is told when the whole run stands; where the numbers
@@ -226,22 +223,19 @@ def gathered(
 ) -> CampaignRun:
     """What the runs say, pooled by vehicle; writes tables, models and the page."""
     rows = {key: _told(row) for key, row in states.items()}
-    vehicles, pooled = [], {}
+    found: list[PooledVehicle] = []
     for name in dict.fromkeys(t.vehicle for t in plan.trials):
         own = [r for r in rows.values() if r.vehicle == name]
         observer.progress(f"pooling {name}", None)
-        found, of_vehicle = _vehicle(plan, name, own)
-        vehicles.append(of_vehicle)
-        if found is not None:
-            pooled[name] = found
-            of = {t.trial: t for t in found.model.pooling.trials}
-            why = {str(row["trial"]): str(row["why"]) for row in of_vehicle.repeat}
-            rows |= {
-                f"{name}/{r.trial}": _judged(r, of.get(r.trial), why.get(r.trial, "")) for r in own
-            }
+        by_plane = pooled_by_plane(plan.output / name, own, plan.false_alarms, plan.seed)
+        rows |= {f"{name}/{r.trial}": r for r in judged(own, by_plane)}
+        found += by_plane
     result = CampaignResult(
-        program_version=__version__, trials=tuple(rows.values()), vehicles=tuple(vehicles)
+        program_version=__version__,
+        trials=tuple(rows.values()),
+        vehicles=tuple(v.told for v in found),
     )
+    pooled = {v.told.title: v.runs for v in found if v.runs is not None}
     write_tables(plan.output, result, pooled)
     return CampaignRun(result, pooled)
 
@@ -283,100 +277,14 @@ def _comparison(run: Path) -> dict[str, Any]:
     return read_json(run / COMPARISON) if (run / COMPARISON).exists() else {}
 
 
-def _judged(row: CampaignTrial, found: Any, why: str) -> CampaignTrial:
-    """A row with how it fits the others of its vehicle, or why it is not held against them."""
-    if found is None:
-        return row if row.state == "failed" else row.model_copy(update={"reason": why})
-    fits = (found.square / found.directions) ** 0.5 if found.directions else None
-    return row.model_copy(update={"fits": fits, "pooled": found.used, "reason": found.reason})
-
-
-def _vehicle(
-    plan: CampaignPlan, name: str, rows: Sequence[CampaignTrial]
-) -> tuple[PooledRuns | None, CampaignVehicleResult]:
-    """Pool the trials of a vehicle; what stands in the way is told, and stops no other."""
-    told = [r for r in rows if r.state != "failed"]
-    failed = [{"trial": r.trial, "why": r.problem} for r in rows if r.state == "failed"]
-    folder = plan.output / name
-    if not told:
-        _remove_earlier(folder)
-        problem = "no trial came to a model"
-        return None, CampaignVehicleResult(
-            name=name, plane="", trials=len(rows), problem=problem, repeat=tuple(failed)
-        )
-    try:
-        plane, apart = in_one_plane(told)
-        found = pool_runs(
-            [Path(r.run) for r in told if r.trial not in apart],
-            plane=plane,
-            false_alarms=plan.false_alarms,
-            seed=plan.seed,
-        )
-    except AuvidentError as error:
-        _remove_earlier(folder)
-        return None, CampaignVehicleResult(
-            name=name,
-            plane="",
-            trials=len(rows),
-            problem=f"{error.where}: {error.problem}",
-            repeat=tuple(failed),
-        )
-    write_bytes(folder / POOLED, json_bytes(found.model, POOLED))
-    write_bytes(folder / CHANGES, json_bytes(found.changes, CHANGES))
-    from auvident.report.tables_campaign import seen
-
-    return found, CampaignVehicleResult(
-        name=name,
-        plane=found.model.plane,
-        model=str(folder / POOLED),
-        trials=len(rows),
-        pooled=sum(t.used for t in found.model.pooling.trials),
-        summary=seen(found.model),
-        changes=found.changes,
-        findings=found.model.findings,
-        repeat=(*failed, *_to_repeat(found), *({"trial": t, "why": w} for t, w in apart.items())),
-    )
-
-
-def in_one_plane(rows: Sequence[CampaignTrial]) -> tuple[Plane, dict[str, str]]:
-    """The plane that most trials have a model of, and why each of the others is not pooled.
-
-    Days of turns and days of dives stand beside each other in many seasons; neither is pooled
-    with the other, and neither keeps the other from being pooled.
-    """
-    planes = {r.trial: planes_of(RunDirectory(Path(r.run))) for r in rows}
-    plane = max(PLANES, key=lambda p: sum(p in found for found in planes.values()))
-    return plane, {
-        trial: f"its model is of the {found[0]} plane, those that are pooled of the {plane} plane"
-        for trial, found in planes.items()
-        if plane not in found
-    }
-
-
-def _remove_earlier(folder: Path) -> None:
-    """A pooled model of an earlier campaign is not to be taken for that of this one."""
-    for name in (POOLED, CHANGES):
-        (folder / name).unlink(missing_ok=True)
-
-
-def _to_repeat(found: PooledRuns) -> list[dict[str, Any]]:
-    """Trials that say nothing of the vehicle, and changes that rest on a trial or two."""
-    rows = [{"trial": t.trial, "why": t.reason} for t in found.model.pooling.trials if not t.used]
-    names = found.changes.trials
-    for change in found.changes.changes:
-        since = len(names) - names.index(change.trial)
-        if change.kind == "step" and since <= NEW:
-            rows.append(
-                {"trial": names[-1], "why": f"confirm that {change.sentence}: {since} since then"}
-            )
-    return rows
-
-
 # --- tables --------------------------------------------------------------------------------
 
 
 def write_tables(output: Path, result: CampaignResult, pooled: Mapping[str, PooledRuns]) -> None:
-    """``campaign.json`` and one Parquet file each for trials, coefficients and effects."""
+    """``campaign.json`` and one Parquet file each for trials, coefficients and effects.
+
+    ``pooled`` is by the title of a vehicle.
+    """
     program = {"program": f"auvident {__version__}"}
     for name, table in tables_of(result, pooled).items():
         write_bytes(output / f"{name}.parquet", parquet_bytes(table, program))
@@ -389,24 +297,36 @@ def tables_of(
     """Trials, coefficients and effects as long tables."""
     import pandas as pd
 
+    told = [(v, pooled[v.title]) for v in result.vehicles if v.title in pooled]
     return {
         "trials": pd.DataFrame([_trial_row(t) for t in result.trials]),
         "coefficients": pd.DataFrame(
-            [row for name, runs in pooled.items() for row in _coefficient_rows(name, runs)],
+            [row for v, runs in told for row in _coefficient_rows(v.name, runs)],
             columns=list(COEFFICIENT_COLUMNS),
         ),
         "effects": pd.DataFrame(
-            [row for name, runs in pooled.items() for row in _effect_rows(name, runs)],
+            [row for v, runs in told for row in _effect_rows(v.name, runs)],
             columns=list(EFFECT_COLUMNS),
         ),
     }
 
 
 COEFFICIENT_COLUMNS = (
-    "vehicle", "trial", "date", "symbol", "unit", "value", "std", "shrunk", "shrunk_std", "pooled",
-    "pooled_std", "prior", "prior_std", "data_share", "pooled_data_share", "between_std", "used",
+    "vehicle", "plane", "trial", "date", "symbol", "unit", "value", "std", "shrunk", "shrunk_std",
+    "pooled", "pooled_std", "prior", "prior_std", "data_share", "pooled_data_share", "between_std",
+    "used",
 )  # fmt: skip
-EFFECT_COLUMNS = ("vehicle", "trial", "date", "effect", "parameter", "value", "std", "unit")
+EFFECT_COLUMNS = (
+    "vehicle",
+    "plane",
+    "trial",
+    "date",
+    "effect",
+    "parameter",
+    "value",
+    "std",
+    "unit",
+)
 
 
 def _trial_row(t: CampaignTrial) -> dict[str, Any]:
@@ -425,9 +345,9 @@ def _coefficient_rows(vehicle: str, runs: PooledRuns) -> list[dict[str, Any]]:
             p, other = together[symbol], t.shrunk[symbol]
             share = 1.0 - (own.std / p.prior_std) ** 2 if p.prior_std > 0.0 else 0.0
             values = (
-                vehicle, t.trial, t.date, symbol, p.unit, own.value, own.std, other.value,
-                other.std, p.value, p.std, p.prior, p.prior_std, min(max(share, 0.0), 1.0),
-                p.share, p.between_std, t.used,
+                vehicle, runs.model.plane, t.trial, t.date, symbol, p.unit, own.value, own.std,
+                other.value, other.std, p.value, p.std, p.prior, p.prior_std,
+                min(max(share, 0.0), 1.0), p.share, p.between_std, t.used,
             )  # fmt: skip
             rows.append(dict(zip(COEFFICIENT_COLUMNS, values, strict=True)))
     return rows
@@ -439,8 +359,9 @@ def _effect_rows(vehicle: str, runs: PooledRuns) -> list[dict[str, Any]]:
     for t in runs.model.pooling.trials:
         for name, value in t.own.items():
             effect, _, parameter = name.partition(".")
-            values = (vehicle, t.trial, t.date, effect, parameter, value.value, value.std)
-            rows.append(dict(zip(EFFECT_COLUMNS, (*values, value.unit), strict=True)))
+            head = (vehicle, runs.model.plane, t.trial, t.date)
+            values = (*head, effect, parameter, value.value, value.std, value.unit)
+            rows.append(dict(zip(EFFECT_COLUMNS, values, strict=True)))
     return rows
 
 
@@ -452,7 +373,9 @@ def refuse_changes(result: CampaignResult) -> None:
     GateError
         A vehicle changed, with what; or its last trial fits no other.
     """
-    told = [f"{v.name}: {text}" for v in result.vehicles if v.changes for text in alarms(v.changes)]
+    told = [
+        f"{v.title}: {text}" for v in result.vehicles if v.changes for text in alarms(v.changes)
+    ]
     if told:
         raise GateError("; ".join(told), "", "See the campaign page.")
 

@@ -36,10 +36,11 @@ def render_campaign(result: CampaignResult, models: Mapping[str, PooledModel]) -
     from auvident.report.figures import style
 
     with style():
-        vehicles = [_vehicle(v, models.get(v.name), result) for v in result.vehicles]
+        vehicles = [_vehicle(v, models.get(v.title), result) for v in result.vehicles]
     return _template().render(
         version=__version__,
         vehicles=vehicles,
+        count=len({v.name for v in result.vehicles}),
         trials=len(result.trials),
         failed=sum(t.state == "failed" for t in result.trials),
         repeats=tables.repeats(result, longest=LONGEST_PROBLEM),
@@ -66,7 +67,8 @@ def _vehicle(
     found = vehicle.changes
     channels = tables.channels_of(own)
     return {
-        "name": vehicle.name,
+        "name": vehicle.title,
+        "id": vehicle.title.replace(" ", "-").replace(",", ""),
         "told": f"{vehicle.pooled} of {vehicle.trials} trials pooled. "
         + (vehicle.summary or vehicle.problem),
         "grade": "poor" if vehicle.problem or (found and found.changes) else "good",
@@ -81,7 +83,7 @@ def _vehicle(
         ],
         "heads": ("trial", "began", "result", *(f"NRMSE {c}" for c in channels), "from data",
                   "distance", "pooled"),
-        "lines": [_line(t, channels) for t in own],
+        "lines": [] if vehicle.second else [_line(t, channels) for t in own],
     }  # fmt: skip
 
 

@@ -39,7 +39,7 @@ def campaign_pieces(result: CampaignResult) -> list[RenderableType]:
     pieces: list[RenderableType] = [rich_table(tables.campaign_trials(result))]
     for v in result.vehicles:
         told = v.summary or v.problem
-        pieces.append(Text(f"{v.name}: {v.pooled} of {v.trials} trials pooled. {told}"))
+        pieces.append(Text(f"{v.title}: {v.pooled} of {v.trials} trials pooled. {told}"))
         if v.changes is not None:
             pieces += change_pieces(v.changes)
     if any(v.repeat for v in result.vehicles):

@@ -199,7 +199,7 @@ def repeats(result: CampaignResult, longest: int = LONGEST) -> Table:
     """Which trials to look at or to repeat, and why: not each of them has to go to sea again."""
     heads = (*columns(("vehicle", "trial")), Column("why"))
     rows: Rows = [
-        [v.name, str(row["trial"]), first_words(str(row["why"]), longest)]
+        [v.title, str(row["trial"]), first_words(str(row["why"]), longest)]
         for v in result.vehicles
         for row in v.repeat
     ]

@@ -97,10 +97,14 @@ class CampaignTrial(Artifact):
 
 
 class CampaignVehicleResult(Artifact):
-    """A vehicle of a campaign: its pooled model, where it stands, and what changed."""
+    """A vehicle of a campaign in a plane: its pooled model, where it stands, and what changed.
+
+    Where its trials have models of both planes it stands twice, with fewer trials as ``second``.
+    """
 
     name: str
     plane: str
+    second: bool = False
     model: str = ""
     trials: int = 0
     pooled: int = 0
@@ -109,6 +113,11 @@ class CampaignVehicleResult(Artifact):
     changes: Changes | None = None
     findings: tuple[Finding, ...] = ()
     repeat: tuple[dict[str, Any], ...] = ()
+
+    @property
+    def title(self) -> str:
+        """Its name, and the plane where that is the second one."""
+        return f"{self.name}, {self.plane} plane" if self.second else self.name
 
 
 class CampaignResult(Artifact):

@@ -47,6 +47,7 @@ TELLS = {
     "fouling": {"drag", "X_uu", "linear_drag.X_u", "thrust", "T_nn", "T_nu"},
     "new thruster": {"thrust", "T_nn", "T_nu", "drag", "X_uu", "linear_drag.X_u"},
 }
+MOST_SINCE = 6  # trials since a change that are predicted, evenly among them
 AHEAD_MPS = 1.5  # at which drag is compared
 TRIAL_SEEDS = 10_000  # of a season are so many times its own, and more
 # a fault that a trial names among its effects, and is pooled without
@@ -143,7 +144,9 @@ def since_change(out: Path, truth: dict[str, Any]) -> dict[str, list[dict[str, A
         names = [t["trial"] for t in truth[name]["trials"] if (name, t["trial"]) not in spoilt]
         runs = [out / name / trial for trial in names]
         first = truth[name]["first"] or names[-1]
-        errors = [_beside_own(runs, run) for run in runs if run.name >= first]
+        since = [run for run in runs if run.name >= first]
+        chosen = since[:: math.ceil(len(since) / MOST_SINCE)]
+        errors = [_beside_own(runs, run) for run in chosen]
         rows += [_by_change(name, channel, errors) for channel in errors[0]]
     return {"held-out errors of trials since the change, left out in turn": rows}
 
