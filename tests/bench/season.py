@@ -5,7 +5,8 @@ and new thruster are looked for among the changes of their vehicle; every other 
 alarm, as is every change of a season in which nothing happens (``--steady``). The trial under the
 wrong name and the bad logs are looked for among the trials that failed or fit no other.
 ``--left-out`` has each trial of a steady season predicted by the model of all others of its
-vehicle, beside its own fit; and by one that has seen even what the trial held out.
+vehicle, beside its own fit; and by one that has seen even what the trial held out. Of a season with
+changes it has some of the trials since them predicted so.
 """
 
 import argparse
@@ -76,11 +77,13 @@ def main(arguments: list[str], show: Callable[[str, list[dict[str, Any]]], None]
         _, trials = read_campaign(folder / "campaign.toml")
         plan = CampaignPlan(folder / "out", trials, options.jobs)
         done = run_campaign(plan, _Told(), warm=warm_for_runs)
-        if options.left_out:
+        if options.left_out and options.steady:
             found, section = left_out_and_seen(folder / "out"), "left-out-trials"
         else:
             truth = json.loads((folder / "truth.json").read_text(encoding="utf-8"))
-            found = judged(done.result, truth) | since_change(folder / "out", truth)
+            found = judged(done.result, truth)
+            if options.left_out:
+                found |= since_change(folder / "out", truth)
             section = "season-steady" if options.steady else "season"
         for title, rows in found.items():
             show(title, rows)
