@@ -7,6 +7,7 @@ maneuvers take no part.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
+from auvident.errors import NumericsError
 from auvident.schema.effects import BY_ID
 from auvident.schema.likeness import partners
 from auvident.stages.diagnose.fit.case import Case
@@ -45,10 +46,23 @@ class Search:
     wanting: Callable[[Fitted], bool] = lambda fitted: False  # whether what a model leaves matters
 
     def trace(self, baseline: Fitted) -> Traced:
-        """Search until nothing more is accepted."""
+        """Search until nothing more is accepted.
+
+        Raises
+        ------
+        NumericsError
+            A prediction diverges close to the model without any effect. Close to one with effects
+            the search ends, and these stand.
+        """
         current, rounds = baseline, list[Round]()
         while passes(len(current.effects) - len(self.unclaimed), rules.GO_ON):
-            rounds.append(self.one_round(current))
+            try:
+                rounds.append(self.one_round(current))
+            except NumericsError as error:
+                if not rounds:
+                    raise
+                self.steps.append(f"no further search: with these effects {error.problem}")
+                break
             following = self._after(rounds[-1])
             if following is None:
                 pair = self._together(rounds[-1])

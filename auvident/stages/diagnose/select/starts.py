@@ -13,7 +13,7 @@ from auvident.parallel import each
 from auvident.schema.effects import BY_ID
 from auvident.stages.diagnose.fit.case import Case
 from auvident.stages.diagnose.fit.fits import Fitted, first_colours, fit_with, output_error
-from auvident.stages.diagnose.score.first_order import Score
+from auvident.stages.diagnose.score.first_order import Score, joint_about
 
 Array = npt.NDArray[Any]
 
@@ -24,7 +24,11 @@ FAR = (2.0, 4.0)
 
 
 def baseline_of(case: Case) -> Fitted:
-    """Best fit without any effect, from the identified model and from the estimate."""
+    """Best fit without any effect, from the identified model and from the estimate.
+
+    One that a small change of its coefficients makes diverge is none to search from: the current of
+    a short trial had bent it until it fitted.
+    """
 
     def begun(start: Array) -> Fitted | None:
         p = case.at_rest(start)
@@ -38,7 +42,8 @@ def baseline_of(case: Case) -> Fitted:
             _runaway_of(case),
             "Hold that maneuver out, or check its log.",
         )
-    return max(found, key=lambda f: f.log_likelihood)
+    steady = [f for f in found if joint_about(case, f, ()) is not None]
+    return max(steady or found, key=lambda f: f.log_likelihood)
 
 
 def _runaway_of(case: Case) -> str:

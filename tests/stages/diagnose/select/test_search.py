@@ -1,5 +1,6 @@
 """What a search does with candidates: in valleys of their own, and from round to round."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any
@@ -7,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from auvident.errors import NumericsError
 from auvident.stages.diagnose.fit.fits import Fitted, log_gain
 from auvident.stages.diagnose.score.first_order import Score
 from auvident.stages.diagnose.score.left_out import FitsWithout
@@ -172,7 +174,11 @@ def seen_together(
 
 
 def traced(
-    monkeypatch: pytest.MonkeyPatch, *rounds: Round, wanting: bool = False, far: float = 0.0
+    monkeypatch: pytest.MonkeyPatch,
+    *rounds: Round,
+    wanting: bool = False,
+    far: float = 0.0,
+    screening: Callable[..., Screen] = lambda *_: Screen(None, {}, ()),  # type: ignore[arg-type]
 ) -> Traced:
     """A search in which each round finds what it is told, and nothing more after the last.
 
@@ -197,7 +203,7 @@ def traced(
 
     monkeypatch.setattr(search, "started", lambda case, fit: case)
     monkeypatch.setattr(search, "with_best_times", lambda case, fit, c: replace(fit, rms=TIMED))
-    monkeypatch.setattr(search, "screen", lambda *_: Screen(None, {}, ()))  # type: ignore[arg-type]
+    monkeypatch.setattr(search, "screen", screening)
     monkeypatch.setattr(search, "refitted", refits)
     monkeypatch.setattr(search, "containing", lambda joint, c, effect: CONTAINED.get(effect, []))
     monkeypatch.setattr(search, "reconsider", seen_together)
@@ -223,6 +229,24 @@ def test_what_is_accepted_joins_the_model_until_nothing_is(monkeypatch) -> None:
     assert [r.accepted for r in found.rounds] == ["current", "gyro_bias", None]
     helped = found.rounds[0].tried[0].account.helped
     assert helped is not None and helped.strength == strength(GOOD.helped)
+
+
+def test_what_was_found_stands_where_the_model_with_it_is_none_to_search_from(monkeypatch) -> None:
+    def lost(*with_: str) -> Callable[..., Screen]:
+        def screening(case: Any, before: Fitted, candidates: Any) -> Screen:
+            if before.effects == with_:
+                raise NumericsError("a prediction diverges")
+            return Screen(None, {}, ())  # type: ignore[arg-type]
+
+        return screening
+
+    found = traced(monkeypatch, {"current": {}}, {"gyro_bias": {}}, screening=lost("current"))
+    assert found.named == found.final.effects == ("current",)
+    told = "no further search: with these effects a prediction diverges"
+    assert found.steps == ("current added: 800 nats", told)
+    assert len(found.rounds) == 1
+    with pytest.raises(NumericsError, match="a prediction diverges"):
+        traced(monkeypatch, {"current": {}}, screening=lost())
 
 
 def test_effects_are_seen_together_after_each_that_is_accepted(monkeypatch) -> None:

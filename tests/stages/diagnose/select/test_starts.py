@@ -1,12 +1,16 @@
 """Where fits of candidates begin: at what sensors held against each other say."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from auvident.stages.diagnose.checks.kinematics import SensorCheck
-from auvident.stages.diagnose.select.starts import known_to_sensors
+from auvident.stages.diagnose.fit.case import Case
+from auvident.stages.diagnose.fit.fits import Fitted
+from auvident.stages.diagnose.select import starts
+from auvident.stages.diagnose.select.starts import baseline_of, known_to_sensors
 from tests.stages.diagnose.loop_chain import small_case
 
 SCALE, BIAS = "dvl_scale.fraction", "gyro_bias.bias_degps"
@@ -37,3 +41,27 @@ def test_checks_that_disagree_know_less() -> None:
 
 def test_nothing_is_known_without_a_check() -> None:
     assert known_to_sensors(small_case(), ("dvl_scale",)) == {}
+
+
+def test_a_fit_that_diverges_with_a_small_change_is_none_to_search_from(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The likelier of the two fits is left; where both do so it is taken, and the screen tells."""
+    case, seen = small_case(), []
+
+    def slopes(lost: int) -> Callable[..., object]:
+        def of(case: Case, fitted: Fitted, effects: tuple[str, ...]) -> object:
+            seen.append(fitted)
+            return None if len(seen) <= lost else object()
+
+        return of
+
+    monkeypatch.setattr(starts, "joint_about", slopes(0))
+    best = baseline_of(case)
+    identified, estimate = seen
+    assert best.log_likelihood == max(f.log_likelihood for f in seen)
+    for lost, left in ((1, estimate), (2, best)):
+        seen.clear()
+        monkeypatch.setattr(starts, "joint_about", slopes(lost))
+        assert baseline_of(case).log_likelihood == left.log_likelihood
+    assert identified.log_likelihood != estimate.log_likelihood
