@@ -325,6 +325,18 @@ def test_the_plane_that_most_trials_have_comes_first(
     assert list(found.items()) == list(pooled.items())
 
 
+def test_a_run_that_cannot_be_read_is_the_problem_of_its_vehicle_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(run: Any) -> Any:
+        raise InputError("is no JSON", str(run.path))
+
+    monkeypatch.setattr("auvident.pipeline.campaign_pooling.planes_of", broken)
+    row = CampaignTrial(vehicle="boat", trial="a", log="", run=str(tmp_path / "a"), state="done")
+    (found,) = pooled_by_plane(tmp_path, [row], 0.01, 0)
+    assert (found.runs, found.told.problem) == (None, f"{tmp_path / 'a'}: is no JSON")
+
+
 def test_what_an_earlier_campaign_pooled_is_gone(tmp_path: Path) -> None:
     names = ("pooled.json", "changes.json", "pooled-vertical.json", "changes-vertical.json")
     for name in names:

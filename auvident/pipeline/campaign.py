@@ -317,16 +317,8 @@ COEFFICIENT_COLUMNS = (
     "used",
 )  # fmt: skip
 EFFECT_COLUMNS = (
-    "vehicle",
-    "plane",
-    "trial",
-    "date",
-    "effect",
-    "parameter",
-    "value",
-    "std",
-    "unit",
-)
+    "vehicle", "plane", "trial", "date", "effect", "parameter", "value", "std", "unit",
+)  # fmt: skip
 
 
 def _trial_row(t: CampaignTrial) -> dict[str, Any]:

@@ -42,9 +42,12 @@ def pooled_by_plane(
     _remove_earlier(folder)
     failed = [r for r in rows if r.state == "failed"]
     repeat = tuple({"trial": r.trial, "why": r.problem} for r in failed)
-    planes = trials_by_plane([r for r in rows if r.state != "failed"])
+    planes, problem = {}, "no trial came to a model"
+    try:
+        planes = trials_by_plane([r for r in rows if r.state != "failed"])
+    except AuvidentError as error:
+        problem = _told(error)
     if not planes:
-        problem = "no trial came to a model"
         nothing = CampaignVehicleResult(
             name=folder.name, plane="", trials=len(rows), problem=problem, repeat=repeat
         )
@@ -92,8 +95,7 @@ def _pooled(
         runs = [Path(r.run) for r in rows]
         found = pool_runs(runs, plane=plane, false_alarms=false_alarms, seed=seed)
     except AuvidentError as error:
-        problem = f"{error.where}: {error.problem}"
-        return PooledVehicle(told.model_copy(update={"problem": problem}))
+        return PooledVehicle(told.model_copy(update={"problem": _told(error)}))
     for file, artifact in zip(files, (found.model, found.changes), strict=True):
         write_bytes(file, json_bytes(artifact, file.name))
     from auvident.report.tables_campaign import seen
@@ -107,6 +109,10 @@ def _pooled(
         "repeat": (*told.repeat, *_to_repeat(found)),
     }
     return PooledVehicle(told.model_copy(update=update), found)
+
+
+def _told(error: AuvidentError) -> str:
+    return f"{error.where}: {error.problem}"
 
 
 def _remove_earlier(folder: Path) -> None:
