@@ -188,7 +188,8 @@ def root_mean_square(values: Sequence[float]) -> float:
 def judged(result: CampaignResult, truth: dict[str, Any]) -> dict[str, list[dict[str, Any]]]:
     """What happened beside what was said; trials that were spoilt beside what became of them."""
     faults = truth.get("faults", {})
-    changes = [_of_vehicle(v, truth[v.name]) for v in result.vehicles]
+    told = [v for v in result.vehicles if not v.second or (v.changes and v.changes.changes)]
+    changes = [_of_vehicle(v, truth[v.name]) for v in told]
     rows = {(t.vehicle, t.trial): t for t in result.trials}
     spoilt = []
     for kind, key in faults.items():
