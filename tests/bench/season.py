@@ -176,7 +176,7 @@ def _by_change(
         "trials": len(errors),
         "median of pooled over own": median(now),
         "largest": max(now),
-        "median if nothing had changed": median(one),
+        "median, changes ignored": median(one),
     }
 
 
