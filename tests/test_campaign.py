@@ -25,6 +25,7 @@ from auvident.pipeline.campaign import (
     refuse_among_logs,
     refuse_changes,
     run_campaign,
+    with_results,
 )
 from auvident.pipeline.campaign_jobs import PROGRAM, Job, JobDone, LocalProcesses, problem_of
 from auvident.pipeline.campaign_page import write_page
@@ -323,6 +324,27 @@ def test_the_plane_that_most_trials_have_comes_first(
         rows.append(CampaignTrial(vehicle="boat", trial=name, log="", run=run, state="done"))
     found = {p: "".join(r.trial for r in own) for p, own in trials_by_plane(rows).items()}
     assert list(found.items()) == list(pooled.items())
+
+
+def test_a_trial_of_both_planes_tells_of_both(demo: Path) -> None:
+    """Errors of either plane, the verdict of the one that lacks something, the effects of both."""
+    for stage in ("identify", "validate", "refine"):
+        (demo / stage / "vertical").mkdir()
+    model = json.loads((demo / "identify" / "model.json").read_text())
+    (demo / "identify" / "vertical" / "model.json").write_text(json.dumps(model))
+    (demo / "validate" / "vertical" / "metrics.json").write_text(
+        json.dumps({"summary": {"validate": {c: {"rmse": 9.0, "nrmse": 0.9} for c in "uwq"}}})
+    )
+    after = {"w": {"rmse": 1.0, "nrmse": 0.1}}
+    lacks = {"verdict": "effect_found", "effects": [{"id": "elevator_lag"}]}
+    (demo / "refine" / "vertical" / "comparison.json").write_text(
+        json.dumps({**lacks, "held_out": {"after": after}})
+    )
+    row = CampaignTrial(vehicle="runs", trial="demo", log="", run=str(demo), state="up to date")
+    trial = with_results(row)
+    assert [c for c in trial.nrmse if c in "uvrwq"] == ["u", "v", "r", "w", "q"]
+    assert trial.nrmse["u"] < 0.5 and (trial.nrmse["w"], trial.nrmse["q"]) == (0.1, 0.9)
+    assert (trial.verdict, trial.effects) == ("effect_found", ("elevator_lag",))
 
 
 def test_a_run_that_cannot_be_read_is_the_problem_of_its_vehicle_alone(

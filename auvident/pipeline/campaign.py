@@ -11,7 +11,9 @@ from auvident.errors import AuvidentError, GateError, InputError, NumericsError,
 from auvident.pipeline.campaign_jobs import Job, JobDone, JobRunner, LocalProcesses, processors
 from auvident.pipeline.campaign_pooling import PooledVehicle, judged, pooled_by_plane
 from auvident.pipeline.freshness import is_of_this_run
+from auvident.pipeline.given import Given
 from auvident.pipeline.observer import Observer
+from auvident.pipeline.planes import planes_of
 from auvident.pipeline.pooling import PooledRuns, alarms, date_of
 from auvident.pipeline.predict import find_model
 from auvident.pipeline.remedies import FLAGS
@@ -22,6 +24,7 @@ from auvident.schema.campaign import (
     CampaignTrial,
     RunOptions,
 )
+from auvident.schema.planes import PLANES
 from auvident.storage.artifacts import json_bytes, parquet_bytes, read_json, write_bytes
 from auvident.storage.campaign_file import RESULT, PlannedTrial
 from auvident.storage.run_directory import RunDirectory
@@ -30,6 +33,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 METRICS, COMPARISON = "validate/metrics.json", "refine/comparison.json"
+NONE_FOUND = "none_found"  # verdict
 MOSTLY = 0.5  # share of the data from which on a coefficient is said to come from them
 OPTION_NAMES = {key: FLAGS[key] for key in RunOptions.model_fields}
 # Up to where a run must be up to date for its trial to count though its process ended with this
@@ -222,7 +226,7 @@ def gathered(
     plan: CampaignPlan, states: Mapping[str, CampaignTrial], observer: Observer
 ) -> CampaignRun:
     """What the runs say, pooled by vehicle; writes tables, models and the page."""
-    rows = {key: _told(row) for key, row in states.items()}
+    rows = {key: with_results(row) for key, row in states.items()}
     found: list[PooledVehicle] = []
     for name in dict.fromkeys(t.vehicle for t in plan.trials):
         own = [r for r in rows.values() if r.vehicle == name]
@@ -240,7 +244,7 @@ def gathered(
     return CampaignRun(result, pooled)
 
 
-def _told(row: CampaignTrial) -> CampaignTrial:
+def with_results(row: CampaignTrial) -> CampaignTrial:
     """A row with what stands in its run directory."""
     run = Path(row.run)
     if row.state in ("failed", "planned"):  # what stands there may be of an earlier run
@@ -249,17 +253,19 @@ def _told(row: CampaignTrial) -> CampaignTrial:
         return row
     try:
         _, model = find_model(run)
-        metrics = read_json(run / METRICS)
-        comparison = _comparison(run)
+        beside = len(planes_of(RunDirectory(run))) > 1
+        told = [_in_plane(run, is_second) for is_second in (False, True)[: 1 + beside]]
     except AuvidentError as error:
         return row.model_copy(update={"state": "failed", "problem": error.problem})
-    errors = dict(metrics.get("summary", {}).get("validate", {}))
-    errors |= comparison.get("held_out", {}).get("after", {})
+    errors: dict[str, dict[str, float]] = {}
+    for plane in told:  # speed and track are those of the first
+        errors |= {c: e for c, e in plane.errors.items() if c not in errors}
+    verdicts = [plane.verdict for plane in told]
     return row.model_copy(
         update={
             "date": date_of(run),
-            "verdict": comparison.get("verdict", ""),
-            "effects": tuple(e["id"] for e in comparison.get("effects", ())),
+            "verdict": next((v for v in verdicts if v not in ("", NONE_FOUND)), verdicts[0]),
+            "effects": tuple(dict.fromkeys(e for plane in told for e in plane.effects)),
             "maneuvers": len(model.stages[-1].maneuvers) if model.stages else 0,
             "rmse": {c: e["rmse"] for c, e in errors.items()},
             "nrmse": {c: e["nrmse"] for c, e in errors.items() if "nrmse" in e},
@@ -269,12 +275,26 @@ def _told(row: CampaignTrial) -> CampaignTrial:
     )
 
 
-def _comparison(run: Path) -> dict[str, Any]:
-    """What the refinement changed; nothing where it is of other logs or of another model."""
+@dataclass(frozen=True)
+class _PlaneTold:
+    """What a run says of a plane: held-out errors by channel, and what its model lacked."""
+
+    errors: dict[str, dict[str, float]]
+    verdict: str
+    effects: tuple[str, ...]
+
+
+def _in_plane(run: Path, is_second: bool) -> _PlaneTold:
+    """Errors of the refined model, where it is of these logs and of this model."""
     directory = RunDirectory(run)
-    if not is_of_this_run(BY_NAME["refine"], directory, directory.existing()):
-        return {}
-    return read_json(run / COMPARISON) if (run / COMPARISON).exists() else {}
+    given = Given(directory, planes=PLANES, plane=PLANES[-1] if is_second else None)
+    metrics, comparison = (run / given.place(name) for name in (METRICS, COMPARISON))
+    errors = dict(read_json(metrics).get("summary", {}).get("validate", {}))
+    stands = is_of_this_run(BY_NAME["refine"], directory, directory.existing())
+    refined = read_json(comparison) if stands and comparison.exists() else {}
+    errors |= refined.get("held_out", {}).get("after", {})
+    effects = tuple(str(e["id"]) for e in refined.get("effects", ()))
+    return _PlaneTold(errors, refined.get("verdict", ""), effects)
 
 
 # --- tables --------------------------------------------------------------------------------

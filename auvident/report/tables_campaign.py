@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from auvident.report.tables import Column, Fixed, Number, Rows, Table, Unit, WithStd, columns
 from auvident.schema.campaign import CampaignResult, CampaignTrial
 from auvident.schema.changes import Changes, LeftOutTrialError, VehicleChange
+from auvident.schema.planes import TRACK
 from auvident.schema.pooled import PooledModel, PooledParameter, PooledTrial
 from auvident.schema.quoting import first_words
 from auvident.schema.spin import share
@@ -12,7 +13,6 @@ from auvident.schema.spin import share
 NO_CHANGE = "No change of the vehicle stands out from chance"
 DISAGREE = 0.01
 REPEATS = "Trials to look at, or to repeat"
-FEW_NRMSE = 4  # channels of a trial whose errors are shown
 LONGEST = 120  # characters of a reason in a table; ``campaign.json`` and the page have more
 
 
@@ -163,9 +163,8 @@ def campaign_trials(result: CampaignResult) -> Table:
 
 
 def channels_of(trials: Sequence[CampaignTrial]) -> list[str]:
-    """Channels whose NRMSE are shown: velocities and angle of the plane of each trial."""
-    own = [{c: _shares(t).get(c) for c in list(t.nrmse)[:FEW_NRMSE]} for t in trials]
-    return list(dict.fromkeys(c for row in own for c, value in row.items() if value is not None))
+    """Channels whose NRMSE are shown: velocities and angle of the planes of each trial."""
+    return list(dict.fromkeys(c for t in trials for c in _shares(t) if c != TRACK))
 
 
 def errors_in(t: CampaignTrial, channels: Sequence[str]) -> list[float | None]:
