@@ -67,7 +67,7 @@ HOW = {
     "whole": "; models of the harbour trial and of the dive trial, joined",
     "exports": "; models of the harbour trial and of the dive trial",
     "band": "; the first 100 clean trials of odd seeds from 6601",
-    "band-unstable": "; the first 60 of odd seeds from 23101 that do not keep their course",
+    "band-unstable": "; the first 120 of odd seeds from 23101 that do not keep their course",
 }
 
 

@@ -23,7 +23,7 @@ STATES = {s.symbol: s for s in BY_PLANE["horizontal"].states}
 CHANNELS = (*STATES, TRACK)
 TRIALS = 100
 FIRST_SEED = 6601  # odd seeds report, and no study before drew these
-UNSTABLE, UNSTABLE_TRIALS, UNSTABLE_FROM = "unstable", 60, 23101  # one in 25 is of the class
+UNSTABLE, UNSTABLE_TRIALS, UNSTABLE_FROM = "unstable", 120, 23101  # one in 25 is of the class
 
 Rows = list[dict[str, Any]]
 
