@@ -5,7 +5,7 @@ import pytest
 from auvident.schema.changes import LeftOutTrialError
 from tests.bench.campaign_cost import A_VEHICLE, calculated
 from tests.bench.length import GROWING, exponents
-from tests.bench.season import in_model, left_out
+from tests.bench.season import against_own, by_change, in_model
 
 PARTS = {
     "in a campaign s": 36.0,
@@ -32,13 +32,20 @@ def test_trials_left_out_are_counted_by_channel() -> None:
         LeftOutTrialError(trial="t", channel=c, unit="m/s", pooled=pooled, own=own)
         for c, pooled, own in pairs
     ]
-    (rows,) = left_out(errors).values()
-    surge, turn = rows
+    surge, turn = against_own(errors)
     assert (surge["channel"], surge["trials"], turn["trials"]) == ("u", 3, 1)
     assert (surge["not worse"], turn["not worse"]) == ("33%", "100%")
     assert surge["by 10% at most"] == "67%"
     assert surge["median of pooled over own"] == pytest.approx(1.05)
     assert surge["rms own"] == pytest.approx(2.0**0.5)
+
+
+def test_trials_since_a_change_are_told_beside_what_they_are_if_it_is_ignored() -> None:
+    errors = [{"r": (0.9, 4.0)}, {"r": (1.2, 3.0)}, {"r": (0.8, 7.0)}]
+    row = by_change("alba", "r", errors)
+    assert (row["vehicle"], row["channel"], row["trials"]) == ("alba", "r", 3)
+    assert (row["median of pooled over own"], row["largest"]) == (0.9, 1.2)
+    assert row["median, changes ignored"] == 4.0
 
 
 def test_an_exponent_of_one_is_growth_in_step() -> None:

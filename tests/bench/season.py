@@ -150,7 +150,7 @@ def since_change(out: Path, truth: dict[str, Any]) -> dict[str, list[dict[str, A
         since = [run for run in runs if run.name >= first]
         chosen = since[:: math.ceil(len(since) / MOST_SINCE)]
         errors = [_beside_own(runs, run) for run in chosen]
-        rows += [_by_change(name, channel, errors) for channel in errors[0]]
+        rows += [by_change(name, channel, errors) for channel in errors[0]]
     return {"held-out errors of trials since the change, left out in turn": rows}
 
 
@@ -166,9 +166,10 @@ def _beside_own(runs: Sequence[Path], target: Path) -> dict[str, tuple[float, fl
     return {a.channel: (a.pooled / a.own, b.pooled / b.own) for a, b in zip(now, one, strict=True)}
 
 
-def _by_change(
+def by_change(
     name: str, channel: str, errors: Sequence[dict[str, tuple[float, float]]]
 ) -> dict[str, Any]:
+    """Errors over the trial's own, by the model of all others and by that of one vehicle."""
     now, one = zip(*(e[channel] for e in errors), strict=True)
     return {
         "vehicle": name,
