@@ -12,6 +12,7 @@ from auvident.schema.spin import share
 
 NO_CHANGE = "No change of the vehicle stands out from chance"
 DISAGREE = 0.01
+SAYS_NOTHING = 0.5  # degrees of freedom: one trial agrees with itself
 REPEATS = "Trials to look at, or to repeat"
 LONGEST = 120  # characters of a reason in a table; ``campaign.json`` and the page have more
 
@@ -33,7 +34,7 @@ def pooled_parameters(model: PooledModel) -> Table:
             Fixed(100.0 * p.share_best, ".0f", " %"),
             Fixed(100.0 * p.share, ".0f", " %"),
             Number(p.between_std, 2) if p.between_std > 0.0 else "",
-            Number(p.p, 2) if p.freedom > 0.0 else "",
+            Number(p.p, 2) if p.freedom > SAYS_NOTHING else "",
         ]
         for p in model.pooling.parameters
     ]

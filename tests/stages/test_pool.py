@@ -20,7 +20,9 @@ from auvident.errors import InputError
 from auvident.estimation.change import FoundChange
 from auvident.estimation.pooling import Pooled, TrialData, pooled
 from auvident.report.figures_campaign import over_trials
+from auvident.report.tables import Number
 from auvident.report.tables_campaign import changes as changes_table
+from auvident.report.tables_campaign import pooled_parameters
 from auvident.schema.artifacts import IdentifiedModel
 from auvident.schema.effects import BY_ID, EFFECTS, parameter_of
 from auvident.schema.pooled import PooledModel
@@ -118,6 +120,9 @@ def test_one_trial_pooled_is_itself() -> None:
         mine = next(m for m in result.model.coefficients if m.symbol == c.symbol)
         assert mine.value == pytest.approx(c.value, abs=c.prior_std)
         assert mine.std_filter == pytest.approx(c.std_filter, rel=0.15)
+    assert {row[-1] for row in pooled_parameters(result.model).rows} == {""}  # with whom?
+    both = pooled_parameters(pool(trials(models())).model).rows
+    assert any(isinstance(row[-1], Number) for row in both)
 
 
 def test_the_order_of_trials_does_not_matter() -> None:
