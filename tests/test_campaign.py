@@ -345,6 +345,11 @@ def test_a_trial_of_both_planes_tells_of_both(demo: Path) -> None:
     assert [c for c in trial.nrmse if c in "uvrwq"] == ["u", "v", "r", "w", "q"]
     assert trial.nrmse["u"] < 0.5 and (trial.nrmse["w"], trial.nrmse["q"]) == (0.1, 0.9)
     assert (trial.verdict, trial.effects) == ("effect_found", ("elevator_lag",))
+    for stage in ("validate", "refine"):  # the second plane was identified, and then it failed
+        shutil.rmtree(demo / stage / "vertical")
+    alone = with_results(row)
+    assert alone.state == "up to date" and "w" not in alone.nrmse
+    assert (alone.nrmse["u"], alone.effects) == (trial.nrmse["u"], ())
 
 
 def test_a_run_that_cannot_be_read_is_the_problem_of_its_vehicle_alone(

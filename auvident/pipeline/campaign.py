@@ -285,11 +285,15 @@ class _PlaneTold:
 
 
 def _in_plane(run: Path, is_second: bool) -> _PlaneTold:
-    """Errors of the refined model, where it is of these logs and of this model."""
+    """Errors of the refined model, where it is of these logs and of this model.
+
+    A second plane may have been identified and no more; the trial counts by its first.
+    """
     directory = RunDirectory(run)
     given = Given(directory, planes=PLANES, plane=PLANES[-1] if is_second else None)
     metrics, comparison = (run / given.place(name) for name in (METRICS, COMPARISON))
-    errors = dict(read_json(metrics).get("summary", {}).get("validate", {}))
+    told = read_json(metrics) if metrics.exists() or not is_second else {}
+    errors = dict(told.get("summary", {}).get("validate", {}))
     stands = is_of_this_run(BY_NAME["refine"], directory, directory.existing())
     refined = read_json(comparison) if stands and comparison.exists() else {}
     errors |= refined.get("held_out", {}).get("after", {})
