@@ -27,6 +27,7 @@ FIRST_DAY = datetime(2026, 3, 2, 8, 0, tzinfo=UTC)
 DAYS = 120  # of a season
 SPREAD = 0.12  # of the plant of each vehicle about its table
 SCHEDULE = {"straights": 1, "turns": 3, "zigzags_10": 1, "zigzags_20": 1}
+LONG_SCHEDULE = {"straights": 2, "turns": 5, "zigzags_10": 2, "zigzags_20": 2}
 BALLAST_STD = 0.002  # of the mass
 CURRENT_MPS = 0.2
 
@@ -55,9 +56,14 @@ STEADY = tuple(replace(boat, happening="", size=0.0) for boat in BOATS)
 
 
 def season(
-    out: Path, trials: int, seed: int = 0, boats: tuple[Boat, ...] = BOATS, faults: bool = True
+    out: Path,
+    trials: int,
+    seed: int = 0,
+    boats: tuple[Boat, ...] = BOATS,
+    faults: bool = True,
+    schedule: dict[str, int] = SCHEDULE,
 ) -> dict:
-    """Make a season; its truth.
+    """Make a season, of trials with the maneuvers of a schedule; its truth.
 
     With `faults` the first vehicle has a trial of the third under its name, the second one a log
     without a gyro and one whose gyro shows 0.7 of the rate.
@@ -76,7 +82,7 @@ def season(
             own = 10_000 * seed + 1_000 * number + k
             changed = changed_plant(plant, boat, k / max(count - 1, 1))
             name = f"{when:%Y-%m-%d}"
-            sail_one(boat.table, changed, own, folder / name, when)
+            sail_one(boat.table, changed, own, folder / name, when, schedule)
             rows.append({"trial": name, "seed": own})
         told[boat.name] = {
             "table": boat.table,
@@ -86,13 +92,20 @@ def season(
             "trials": rows,
         }
     if faults:
-        told["faults"] = _spoil(out, boats, told, seed)
+        told["faults"] = _spoil(out, boats, told, seed, schedule)
     (out / "campaign.toml").write_text(_campaign(boats), encoding="utf-8")
     (out / "truth.json").write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
     return told
 
 
-def sail_one(table: str, plant: Plant, seed: int, folder: Path, when: datetime) -> None:
+def sail_one(
+    table: str,
+    plant: Plant,
+    seed: int,
+    folder: Path,
+    when: datetime,
+    schedule: dict[str, int] = SCHEDULE,
+) -> None:
     """One trial with its own water and ballast, its stamps in seconds since 1970."""
     rng = stream(seed, "ballast")
     file = load_vehicle(table).file
@@ -107,7 +120,7 @@ def sail_one(table: str, plant: Plant, seed: int, folder: Path, when: datetime) 
     }
     revs = plant.cruise_rpm / 60.0
     planted = draw_effects([{"id": "current", **water}], seed, vehicle.scale, revs, "horizontal")
-    recipe = {"name": folder.name, "seed": seed, "schedule": SCHEDULE}
+    recipe = {"name": folder.name, "seed": seed, "schedule": schedule}
     record, *_ = sail(recipe, vehicle, planted)
     measured = measure_all(record, vehicle, planted, lambda name: stream(seed, name))
     write_logs(
@@ -151,16 +164,17 @@ def _first(boat: Boat, rows: list[dict]) -> str:
     return next(row["trial"] for row, share in zip(rows, shares, strict=True) if share >= boat.at)
 
 
-def _spoil(out: Path, boats: tuple[Boat, ...], told: dict, seed: int) -> dict:
+def _spoil(
+    out: Path, boats: tuple[Boat, ...], told: dict, seed: int, schedule: dict[str, int]
+) -> dict:
     """Two bad logs, and a trial under the wrong vehicle's name."""
     first, second, third = boats
     rows = {boat.name: told[boat.name]["trials"] for boat in boats}
     wrong = rows[first.name][len(rows[first.name]) // 4]["trial"]
     when = datetime.strptime(wrong, "%Y-%m-%d").replace(tzinfo=UTC)
     shutil.rmtree(out / first.name / wrong)
-    sail_one(
-        third.table, plant_of(third, seed), 10_000 * seed + 9_000, out / first.name / wrong, when
-    )
+    plant, own = plant_of(third, seed), 10_000 * seed + 9_000
+    sail_one(third.table, plant, own, out / first.name / wrong, when, schedule)
     mute, slow = (rows[second.name][len(rows[second.name]) * k // 4]["trial"] for k in (1, 3))
     (out / second.name / mute / "gyro.csv").unlink()
     _scale_gyro(out / second.name / slow / "gyro.csv", 0.7)
@@ -191,9 +205,11 @@ def main() -> None:
     parser.add_argument("--trials", type=int, default=200)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--steady", action="store_true", help="nothing happens to the vehicles")
+    parser.add_argument("--long", action="store_true", help="trials of 25 minutes in place of 15")
     options = parser.parse_args()
     boats = STEADY if options.steady else BOATS
-    season(options.out, options.trials, options.seed, boats, faults=not options.steady)
+    schedule = LONG_SCHEDULE if options.long else SCHEDULE
+    season(options.out, options.trials, options.seed, boats, not options.steady, schedule)
 
 
 if __name__ == "__main__":

@@ -67,13 +67,14 @@ def main(arguments: list[str], show: Callable[[str, list[dict[str, Any]]], None]
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--jobs", type=int)
     parser.add_argument("--steady", action="store_true", help="nothing happens")
+    parser.add_argument("--long", action="store_true", help="trials of 25 minutes in place of 15")
     parser.add_argument("--write", action="store_true", help="replace the section of the page")
     parser.add_argument("--left-out", action="store_true", help="trials left out in turn")
     parser.add_argument("--folder", type=Path, help="keep it here, and go on where it was")
     options = parser.parse_args(arguments)
     with tempfile.TemporaryDirectory(prefix="auvident-season-") as name:
         folder = options.folder or Path(name)
-        made(folder, options.trials, options.seed, options.steady)
+        made(folder, options.trials, options.seed, options.steady, options.long)
         _, trials = read_campaign(folder / "campaign.toml")
         plan = CampaignPlan(folder / "out", trials, options.jobs)
         done = run_campaign(plan, _Told(), warm=warm_for_runs)
@@ -92,13 +93,14 @@ def main(arguments: list[str], show: Callable[[str, list[dict[str, Any]]], None]
             written.write(section, seed, {title: rows for title, rows in found.items() if rows})
 
 
-def made(folder: Path, trials: int, seed: int, steady: bool) -> None:
+def made(folder: Path, trials: int, seed: int, steady: bool, long: bool = False) -> None:
     """The season in a folder, unless it is there."""
-    from seatrial.season import BOATS, STEADY, season
+    from seatrial.season import BOATS, LONG_SCHEDULE, SCHEDULE, STEADY, season
 
     if not (folder / "truth.json").exists():
         folder.mkdir(parents=True, exist_ok=True)
-        season(folder, trials, seed, STEADY if steady else BOATS, faults=not steady)
+        schedule = LONG_SCHEDULE if long else SCHEDULE
+        season(folder, trials, seed, STEADY if steady else BOATS, not steady, schedule)
 
 
 def left_out_and_seen(out: Path) -> dict[str, list[dict[str, Any]]]:
