@@ -189,8 +189,8 @@ def test_numbers_are_plain_where_they_can_be(value: float | None, shown: str) ->
 
 def test_a_push_has_to_exceed_all_of_its_sizes() -> None:
     rows = detectable_push((0.04, 0.02), HORIZONTAL)
-    assert words.detectable_text(rows) == "one_off_event ≥ 0.056 m/s and ≥ 1.6 deg/s"
-    assert "one-off push above 0.056 m/s and above 1.6 deg/s" in nothing_found(rows)
+    assert words.detectable_text(rows) == "one_off_event ≥ 0.064 m/s and ≥ 1.8 deg/s"
+    assert "one-off push above 0.064 m/s and above 1.8 deg/s" in nothing_found(rows)
 
 
 def test_what_was_found_is_not_told_to_be_hidden() -> None:
