@@ -90,6 +90,11 @@ def of_100(percent: str) -> str:
     return f"{share:.1f} of 100" if 0.0 < share < 1.0 else f"{share:.0f} of 100"
 
 
+def bars_of(name: str) -> dict[str, str]:
+    """What was found, by bar, in a study on drawn vehicles."""
+    return {row["what"]: row["found"] for row in tables(name)["bars"]}
+
+
 def sentences() -> Iterator[str]:
     """What is said, one sentence for each study."""
     clean, loop = tables("samples")["held-out errors"], tables("loop")
@@ -101,11 +106,11 @@ def sentences() -> Iterator[str]:
     )
     shelf = row_of(loop["the same in the vertical plane"], "trial", "shelf_trial")
     yield SHELF.format(used=shelf["used"], **{c: before_and_after(shelf[c]) for c in "uwq"})
-    found = {row["what"]: row["found"] for row in tables("population")["bars"]}
+    found, more = (bars_of(name) for name in ("population", "population-shown-single"))
     yield POPULATION.format(
         false=of_100(found["nothing planted: a name the vehicle has not"]),
         unexplained=of_100(found["nothing planted: unexplained"]),
-        named=of_100(found["visible: named or in its group"]),
+        named=of_100(more["visible: named or in its group"]),
         wrong=of_100(found["planted: a wrong name"]),
     )
     measured = row_of(loop["held-out errors before and after"], "trial", "kvlcc2")
