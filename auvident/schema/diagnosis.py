@@ -15,7 +15,9 @@ Bound = Literal["at least", "at most"]
 class ParameterValue(Artifact):
     """A parameter of an effect in the unit an engineer reads; interval of 95 %.
 
-    ``std`` is None where it was not worked out, as of a candidate in its row.
+    ``std`` is None where it was not worked out, as of a candidate in its row. It is that of the
+    fit; where what goes with a size is open by itself (`EffectParameter.known_to`) the interval is
+    wider than that.
     ``bound`` is set where the search ended at a bound of the parameter: it is as large as
     ``value``, or larger (``at least``), or as small or smaller (``at most``), and its interval is
     open to that side.
@@ -45,11 +47,30 @@ class ParameterValue(Artifact):
         ends = [end for end in self.interval or () if end is not None]
         return max((abs(end - self.value) for end in ends), default=0.0)
 
+    def half_of_fit(self, known_to: float) -> float:
+        """The same of the interval before `ends` moved its ends by the factor ``known_to``."""
+        low = None if self.low is None else _moved(self.low, -1.0, 1.0 / known_to)
+        high = None if self.high is None else _moved(self.high, 1.0, 1.0 / known_to)
+        return self.model_copy(update={"low": low, "high": high}).half
 
-def ends(value: float, half: float, bound: Bound | None) -> dict[str, float | None]:
-    """Ends ``low`` and ``high`` of an interval so far to both sides, open beyond a bound."""
-    low = None if bound == "at most" else value - half
-    return {"low": low, "high": None if bound == "at least" else value + half}
+
+def ends(
+    value: float, half: float, bound: Bound | None, known_to: float = 1.0
+) -> dict[str, float | None]:
+    """Ends ``low`` and ``high`` of an interval so far to both sides, open beyond a bound.
+
+    Each is moved away by the factor to which the value is known at best, and none past zero.
+    """
+    low, high = _moved(value - half, -1.0, known_to), _moved(value + half, 1.0, known_to)
+    return {
+        "low": None if bound == "at most" else low,
+        "high": None if bound == "at least" else high,
+    }
+
+
+def _moved(end: float, side: float, factor: float) -> float:
+    """A lower (-1) or upper (1) end moved outwards by a factor, its sign kept."""
+    return end * factor if side * end > 0.0 else end / factor
 
 
 class EffectFound(Artifact):

@@ -74,6 +74,9 @@ class EffectParameter:
         The same where the vehicle file states what the parameter deviates from.
     grid : TimeGrid, optional
         Of a time since the start of the trial.
+    known_to : float
+        Factor to which a size is known at best (95 %), where the equation itself leaves open what
+        goes with it. It makes an interval wider to both sides, and never reaches zero.
     width_of : str
         Symbol of the parameter with a grid whose interval it is the width of.
     planes : tuple of str
@@ -93,6 +96,7 @@ class EffectParameter:
     nuisance_std: float = 0.0
     stated_std: float | None = None
     grid: TimeGrid | None = None
+    known_to: float = 1.0
     width_of: str = ""
     planes: tuple[Plane, ...] = PLANES
 

@@ -19,6 +19,20 @@ def at(name: str, value: float, bound: Bound | None = None, half: float = 0.1) -
     return ParameterValue(symbol=symbol, value=value, std=0.05, unit=unit, bound=bound, **told)
 
 
+def test_what_is_known_to_a_factor_keeps_its_sign() -> None:
+    def told(value: float, half: float) -> ParameterValue:
+        unit = "m^2/s^2/N"
+        own = ends(value, half, None, known_to=2.0)
+        return ParameterValue(symbol="c_m2ps2pn", value=value, std=0.1, unit=unit, **own)
+
+    assert told(0.4, 0.1).interval == pytest.approx((0.15, 1.0))
+    assert told(-0.4, 0.1).interval == pytest.approx((-1.0, -0.15))
+    assert told(0.1, 0.3).interval == pytest.approx((-0.4, 0.8))
+    for value, half in ((0.4, 0.1), (-0.4, 0.1), (0.1, 0.3)):
+        assert told(value, half).half_of_fit(2.0) == pytest.approx(half)
+        assert holds_nothing("propeller_race", told(value, half)) == (half > abs(value))
+
+
 def test_without_a_compass_a_direction_counts_from_the_bow() -> None:
     values = [at("current.north_mps", 0.0), at("current.east_mps", -0.2)]
     assert plain("current", values, 2.0, 10.0) == "a current of 0.20 m/s towards 270 deg"

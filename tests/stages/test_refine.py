@@ -22,6 +22,7 @@ from auvident.schema.diagnosis import (
     EffectFound,
     HeldOut,
     ParameterValue,
+    ends,
 )
 from auvident.schema.effects import BY_ID
 from auvident.stages.identify.setup import prepare
@@ -425,6 +426,25 @@ def test_the_interval_of_an_effect_is_the_widest(value, std, half) -> None:
     assert found.high == pytest.approx(value + half)
     assert found.low == pytest.approx(value - half)
     assert found.std == pytest.approx(half / 1.96)
+
+
+@pytest.mark.parametrize(
+    ("std", "low", "high"),
+    [
+        (0.001, 0.036 / 2.0, 0.044 * 2.0),  # the diagnosis' own, without its factor, and with it
+        (0.03, -2.0 * (1.96 * 0.03 - 0.04), (0.04 + 1.96 * 0.03) * 2.0),
+    ],
+)
+def test_the_factor_to_which_a_race_is_known_counts_once(std, low, high) -> None:
+    size = {"symbol": "c_m2ps2pn", "value": 0.04, "unit": "m^2/s^2/N"}
+    told = ParameterValue(**size, std=0.002, **ends(0.04, 0.004, None, known_to=2.0))
+    race = EffectFound(id="propeller_race", family="actuation", parameters=(told,))
+    row = {"id": race.id, "family": race.family, "nuisance": False, "internal": {}}
+    after = model().model_copy(update={"effects": ({**row, "parameters": [size | {"std": std}]},)})
+    compared = compare(diagnosis(race), MANEUVERS, model(), after, predicted(0), predicted(1))
+    (found,) = (*compared.effects, *compared.not_confirmed)
+    assert found.parameters[0].interval == pytest.approx((low, high), rel=1e-3)
+    assert bool(compared.effects) == (low > 0.0)
 
 
 def test_coefficients_stand_side_by_side() -> None:

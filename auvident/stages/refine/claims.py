@@ -160,19 +160,20 @@ def _with_final_values(
         return effect
     final = {p["symbol"]: p for p in rows[0]["parameters"]}
     # a time is known to an interval, and not identified again
+    declared = [parameter_of(f"{effect.id}.{p.symbol}") for p in effect.parameters]
     values = [
-        p if parameter_of(f"{effect.id}.{p.symbol}").grid else _final_value(p, final[p.symbol])
-        for p in effect.parameters
+        p if d.grid else _final_value(p, final[p.symbol], d.known_to)
+        for p, d in zip(effect.parameters, declared, strict=True)
     ]
     said = plain(effect.id, values, speed, rate, effect.frame)
     return effect.model_copy(update={"parameters": tuple(values), "plain": said})
 
 
-def _final_value(p: ParameterValue, final: Mapping[str, Any]) -> ParameterValue:
+def _final_value(p: ParameterValue, final: Mapping[str, Any], known_to: float) -> ParameterValue:
     """A parameter with the value of the refined model and the wider interval."""
     value = float(final["value"])
     std = max(float(final["std"]), p.std or 0.0)
-    half = max(NORMAL_95 * std, p.half)
+    half = max(NORMAL_95 * std, p.half_of_fit(known_to))
     half = max(half, NORMAL_95 * abs(value - p.value))  # two methods that differ: say so
     return ParameterValue(
         symbol=p.symbol,
@@ -181,5 +182,5 @@ def _final_value(p: ParameterValue, final: Mapping[str, Any]) -> ParameterValue:
         unit=p.unit,
         bound=p.bound,
         matters_from=p.matters_from,
-        **ends(value, half, p.bound),
+        **ends(value, half, p.bound, known_to),
     )

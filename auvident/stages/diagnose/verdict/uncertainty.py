@@ -127,7 +127,7 @@ def effect_values(
         internal = float(p[i] - case.setup.prior[i])
         value, std = declared.shown(internal, 0.0 if stds is None else float(stds[i]))
         bound = bound_of(declared, at[i]) if i in at else None
-        known = {} if stds is None else ends(value, reach * std, bound)
+        known = {} if stds is None else ends(value, reach * std, bound, declared.known_to)
         found.append(
             ParameterValue(
                 symbol=declared.symbol,
