@@ -9,7 +9,7 @@ from auvident.schema.campaign import CampaignResult
 from auvident.schema.changes import Changes
 from auvident.schema.pooled import PooledModel
 
-OF_ORDER_AND_NUMBER = ("few-trials", "order-as-given")  # findings about a search for changes
+ABOUT_CHANGES = ("few-trials", "order-as-given", "small-changes")  # findings of a search
 
 
 def pooled_pieces(model: PooledModel, found: Changes) -> list[RenderableType]:
@@ -31,7 +31,7 @@ def change_pieces(found: Changes) -> list[RenderableType]:
         pieces += [rich_table(tables.changes(found))]
     if text := tables.no_change(found):
         pieces += [Text(text)]
-    return [*pieces, *findings_lines([f for f in found.findings if f.code in OF_ORDER_AND_NUMBER])]
+    return [*pieces, *findings_lines([f for f in found.findings if f.code in ABOUT_CHANGES])]
 
 
 def campaign_pieces(result: CampaignResult) -> list[RenderableType]:

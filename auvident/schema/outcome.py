@@ -41,6 +41,7 @@ SEVERITIES: dict[str, Severity] = {
     "own_outputs_left_out": "note",
     "plane-from-geometry": "note",
     "roll-from-geometry": "note",
+    "small-changes": "note",
     "stage-skipped": "note",
     "torn_by_dropout": "note",
     "trials_overlap": "note",

@@ -25,10 +25,11 @@ from auvident.report.tables_campaign import changes as changes_table
 from auvident.report.tables_campaign import pooled_parameters
 from auvident.schema.artifacts import IdentifiedModel
 from auvident.schema.effects import BY_ID, EFFECTS, parameter_of
+from auvident.schema.outcome import severity
 from auvident.schema.pooled import PooledModel
 from auvident.stages.pool import PoolResult, PoolTrial, changes_of, pool
 from auvident.stages.pool.carry import about_common, carrier, map_of
-from auvident.stages.pool.changes import _Teller, of_shares, quantities
+from auvident.stages.pool.changes import LEAST_SHARE, ShareOf, _Teller, of_shares, quantities
 from auvident.stages.pool.collect import collect, refuse_others
 from auvident.stages.pool.model import Together, model_of_all
 from auvident.stages.pool.stage import strangers
@@ -486,6 +487,38 @@ def test_a_scale_error_changes_by_a_difference_though_it_has_no_unit() -> None:
     assert re.fullmatch(r"\+0\.0\d+", str(row[1])) and "%" not in str(row[2])
     figure = over_trials(found)
     assert "difference" in figure and "% of common" in figure
+
+
+def test_what_changed_by_too_little_to_matter_is_a_note_and_meets_the_gate() -> None:
+    """A DVL whose scale changes by 1 %, of which 1.5 are worth a word."""
+    noise = 0.0005 * np.random.default_rng(3).normal(size=12)
+    fractions = [float(0.01 + 0.01 * (k >= 6) + noise[k]) for k in range(12)]
+    found = changes_of(with_dvl_scale(series(), fractions, 0.0005), np.random.default_rng(0))
+    assert "dvl_scale.fraction" not in {c.what for c in found.changes}
+    (finding,) = [f for f in found.findings if f.code == "small-changes"]
+    assert finding.where == "dvl_scale.fraction" and severity(finding) == "note"
+    assert "since 7 May 2026 dvl_scale.fraction is 0.01 larger" in finding.message
+
+
+def test_a_change_matters_from_its_practical_size_on() -> None:
+    """Of what every model is allowed the unit is that allowance, of others the effect's prior."""
+    names = ("Y_uud", "rudder_delay.delay_s", "dvl_scale.fraction", "Y_v|v|")
+    model = models()[0].model_copy(update={"flown": {"u": 2.0, "u_low": 0.5}})
+    unit, values = np.array([4.0, 0.02, 0.03, 9.0]), np.array([10.0, 0.0, 0.0, 1.0])
+    told = (TrialData(np.eye(4), np.zeros(4)),)
+    trial = SimpleNamespace(model=model)
+    data = SimpleNamespace(names=names, unit=unit, told=told, trials=(trial,))
+    fin = ShareOf("fin", ("Y_uud",), "")
+    teller = _Teller(data, (fin,), values, values, True, (np.eye(4), np.eye(4)))
+
+    def least(direction: int) -> float:
+        return teller.least(FoundChange("step", direction, 6, (6, 6), 0.1, 0.01, 9.0, 0.0, ()))
+
+    delay = parameter_of(names[1]).practical * model.length_m  # at 1 m/s
+    assert least(1) * unit[1] == pytest.approx(delay)
+    assert least(2) * unit[2] == pytest.approx(parameter_of(names[2]).practical)
+    assert least(4) == LEAST_SHARE
+    assert least(3) == 0.0  # hardly known, so that it has no share
 
 
 def test_nothing_changed_and_that_is_said_with_its_rate_of_false_alarms() -> None:

@@ -9,7 +9,6 @@ import numpy as np
 import numpy.typing as npt
 
 from auvident.constants import NORMAL_95
-from auvident.engines.carried import claimed_covariance
 from auvident.estimation.change import ChangeSearch, FoundChange, course, search, series_along
 from auvident.physics.terms import LINEAR_DRAG
 from auvident.schema.artifacts import Finding
@@ -27,6 +26,7 @@ FALSE_ALARMS = 0.01
 LEAST_TRIALS = 5  # of fewer, a step may be as well what they scatter by
 CERTAIN = 2.0  # standard deviations of a value from zero, from which on its changes are shares
 DAY_S = 86_400.0
+LEAST_SHARE = 0.03  # of a force, below which nobody repairs or trims a vehicle
 SHOWN = 5  # trials in a message
 
 
@@ -105,12 +105,15 @@ def changes_of(
     found, trials = search(data.told, directions, times, rng, false_alarms)
     before = data.origin + data.unit * found.theta
     teller = _Teller(data, groups, theta, before, dated, _levels(result))
+    told = {f: teller.change(f) for f in found.found}
+    worth = [f for f in told if abs(told[f].size if told[f].share else f.size) >= teller.least(f)]
+    small = [told[f] for f in told if f not in worth]
     return nothing.model_copy(
         update={
-            "findings": (*strange, *_as_given(result)),
+            "findings": (*strange, *_as_given(result), *_too_small(small)),
             "threshold": found.threshold,
             "tests": found.tests,
-            "changes": tuple(teller.change(f) for f in found.found),
+            "changes": tuple(told[f] for f in worth),
             "series": teller.series(trials, directions, found, times),
         }
     )
@@ -121,6 +124,18 @@ def _left_out_last(result: PoolResult) -> str:
     strange = {f.where: f.message for f in result.model.findings if f.code == FITS_NO_OTHER}
     last = result.model.pooling.trials[-1].trial
     return f"{last}: {strange[last]}" if last in strange else ""
+
+
+def _too_small(changes: Sequence[VehicleChange]) -> Iterator[Finding]:
+    """What changed by more than chance makes of it, and by less than matters."""
+    if changes:
+        yield Finding(
+            code="small-changes",
+            value=float(len(changes)),
+            where=", ".join(c.what for c in changes),
+            message="more than chance makes of it, and too small to matter: "
+            + "; ".join(c.sentence for c in changes),
+        )
 
 
 def _as_given(result: PoolResult) -> Iterator[Finding]:
@@ -167,11 +182,16 @@ class _Measure(NamedTuple):
 
 
 def _levels(result: PoolResult) -> tuple[Array, Array]:
-    """Accelerations by coefficients (q, n), and the covariance (q, q) of their pooled errors."""
+    """Accelerations by coefficients (q, n), and the covariance (q, q) of their errors.
+
+    They are known as one trial knows them: what its equations lack, they lack in all trials. The
+    drag of a season of 66 trials was 15 % off, by 2 % as they knew it together.
+    """
     data = result.data
     theta = (result.values - data.origin) / data.unit
     slopes = map_of(data).slopes(theta)
-    covariance = claimed_covariance(result.model) / np.outer(data.unit, data.unit)
+    told = np.mean([t.information for t in data.told], axis=0)
+    covariance = np.linalg.inv(np.eye(len(told)) + told)
     return slopes, slopes @ covariance @ slopes.T
 
 
@@ -213,6 +233,23 @@ class _Teller:
             p=found.p,
             rivals=tuple(self.name(r) for r in found.rivals),
         )
+
+    def least(self, found: FoundChange) -> float:
+        """Size from which on a change is worth a word: a share, or one of the search.
+
+        Of an effect it is the practical size; of a coefficient that is hardly known, none.
+        """
+        name = self.name(found.direction)
+        if self._measure(found.direction).share:
+            return LEAST_SHARE
+        if "." not in name or found.direction >= len(self.data.names):
+            return 0.0
+        declared, model = parameter_of(name), self.data.trials[0].model
+        if not declared.nuisance_std:  # as an effect its unit is its prior
+            return declared.practical / declared.prior if declared.prior else 0.0
+        speed = float(np.sqrt(model.flown.get("u", 0.0) * model.flown.get("u_low", 0.0)))
+        unit = declared.size_unit(model.density_kgpm3, model.length_m, speed, 1.0)
+        return declared.practical * unit / float(self.data.unit[found.direction])
 
     def _of_before(self, found: FoundChange, size: float, std: float) -> tuple[float, float]:
         """A share of the pooled value as one of the value before the change.
