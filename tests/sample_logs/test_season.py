@@ -15,7 +15,10 @@ def sailed(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, Plant]]:
     """Trials are noted instead of sailed."""
     trials: list[tuple[str, Plant]] = []
 
-    def note(table: str, plant: Plant, seed: int, folder: Path, when: object) -> None:
+    def note(
+        table: str, plant: Plant, seed: int, folder: Path, when: object, schedule: dict
+    ) -> None:
+        assert schedule == made.SCHEDULE
         trials.append((folder.parent.name, plant))
         folder.mkdir(parents=True)
         (folder / "gyro.csv").write_text("timestamp,r_degps\n1.0,2.0\n")
