@@ -13,7 +13,9 @@ from auvident.stages.diagnose.fit.fits import fit_with
 from auvident.stages.diagnose.score.left_out import FitsWithout
 from auvident.stages.diagnose.select.candidates import by_sensors
 from auvident.stages.diagnose.verdict.uncertainty import (
+    SUMMED_HEADING,
     _informed,
+    by_heading,
     effect_values,
     known_by_sensors,
     lent,
@@ -112,6 +114,19 @@ def test_a_size_is_known_as_well_as_the_sensors_know_it() -> None:
     assert known[at] == pytest.approx(5e-4)  # what they leave open, and how far the fit is off
     assert np.isinf(np.delete(known, at)).all()
     assert np.isinf(known_by_sensors(small_case(), with_bias(0.02))).all()
+
+
+def test_without_a_compass_the_direction_of_a_current_is_known_to_some_degrees() -> None:
+    case, fitted = small_case(), small_fit()
+    p = fitted.parameters.copy()
+    north, east = (case.position(f"current.{n}_mps") for n in ("north", "east"))
+    p[[north, east]] = 0.3, -0.1
+    seen = replace(fitted, parameters=p)
+    assert not by_heading(case, seen).any()  # it has a compass
+    rows = [replace(r, source=replace(r.source, frame="bow")) for r in case.records]
+    found = by_heading(replace(case, records=rows), seen)
+    assert found[[north, east]] == pytest.approx([SUMMED_HEADING * 0.1, SUMMED_HEADING * 0.3])
+    assert np.count_nonzero(found) == 2
 
 
 def test_the_scatter_of_maneuvers_takes_nothing_from_what_sensors_know() -> None:
