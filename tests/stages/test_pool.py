@@ -519,6 +519,8 @@ def test_a_change_matters_from_its_practical_size_on() -> None:
     assert least(2) * unit[2] == pytest.approx(parameter_of(names[2]).practical)
     assert least(4) == LEAST_SHARE
     assert least(3) == 0.0  # hardly known, so that it has no share
+    trial.model = model.model_copy(update={"flown": {}})
+    assert least(1) == 0.0  # of an earlier version, or written by hand
 
 
 def test_nothing_changed_and_that_is_said_with_its_rate_of_false_alarms() -> None:

@@ -237,7 +237,8 @@ class _Teller:
     def least(self, found: FoundChange) -> float:
         """Size from which on a change is worth a word: a share, or one of the search.
 
-        Of an effect it is the practical size; of a coefficient that is hardly known, none.
+        Of an effect it is the practical size; of a coefficient that is hardly known, none, nor in
+        models that do not say how fast they were flown.
         """
         name = self.name(found.direction)
         if self._measure(found.direction).share:
@@ -248,6 +249,8 @@ class _Teller:
         if not declared.nuisance_std:  # as an effect its unit is its prior
             return declared.practical / declared.prior if declared.prior else 0.0
         speed = float(np.sqrt(model.flown.get("u", 0.0) * model.flown.get("u_low", 0.0)))
+        if not speed > 0.0:
+            return 0.0
         unit = declared.size_unit(model.density_kgpm3, model.length_m, speed, 1.0)
         return declared.practical * unit / float(self.data.unit[found.direction])
 
