@@ -219,8 +219,9 @@ EFFECTS: tuple[Effect, ...] = (
         P("c_m2ps2pn", "m^2/s^2/N", 200.0, 50.0, -50.0, 1000.0, powers=(-1, -2, 0, 0),
           nuisance_std=15.0, known_to=2.0),
         # k is 1.2 to 2.8 by the build of the fin (`terms.RACE_DAMPING`). Of 12 races of retired
-        # drawn vehicles with k above 1.5 (1.75 to 2.4) six of seven came out at 0.6 to 0.8 of
-        # their size, with k below (1.2 to 1.4) five at 1.1 to 2.1 of it
+        # drawn vehicles (odd seeds 11645 to 13327, even ones of 62000 on) with k above 1.5 (1.75
+        # to 2.4) six of seven came out at 0.6 to 0.8 of their size, with k below (1.2 to 1.4) five
+        # at 1.1 to 2.1 of it
     ), "fin meets V^2 = u^2 + c T; its lift is A_uud (V^2 d - k V (v + x_fin r)), k = 1.5; by its "
        "build k may be 1.2 to 2.8, which leaves a factor of 2 in c",
         "fin effectiveness depends on propeller loading", (),

@@ -489,7 +489,7 @@ def test_a_scale_error_changes_by_a_difference_though_it_has_no_unit() -> None:
     assert "difference" in figure and "% of common" in figure
 
 
-def test_what_changed_by_too_little_to_matter_is_a_note_and_meets_the_gate() -> None:
+def test_what_changed_by_too_little_to_matter_is_a_note_and_no_change() -> None:
     """A DVL whose scale changes by 1 %, of which 1.5 are worth a word."""
     noise = 0.0005 * np.random.default_rng(3).normal(size=12)
     fractions = [float(0.01 + 0.01 * (k >= 6) + noise[k]) for k in range(12)]
