@@ -50,7 +50,9 @@ class Replay:
     records: tuple[Record, ...]
     dt_s: float
 
-    def about(self, common: Mapping[str, float], scale: Array) -> "Replayed | None":
+    def about(
+        self, common: Mapping[str, float], scale: Array, widened: Mapping[str, float] | None = None
+    ) -> "Replayed | None":
         """What the maneuvers say about common parameters; None where the prediction runs away.
 
         Parameters
@@ -60,19 +62,22 @@ class Replay:
             have these effects, and those of the model.
         scale : (n,) array
             Unit of each.
+        widened : mapping, optional
+            By how much the variances of priors of the trial's own are larger than in its model.
         """
         own = [name for name in self.model.covariance["symbols"] if name not in common]
+        scales = self._scales(own, widened or {})
         problem = self._problem(common, own, {str(e["id"]) for e in self.model.effects})
-        p = self._own_fitted(problem)
+        p = self._own_fitted(problem, scales)
         if p is None:
             return None
-        free = self._free(problem, [*common, *own], np.array([*scale, *self._scales(own)]))
+        free = self._free(problem, [*common, *own], np.array([*scale, *scales]))
         half, gradient, information = likelihood(well_started(problem.output, p), p, free)
         if not np.isfinite(half):
             return None
         values = dict(zip([*common, *own], p[free.positions].tolist(), strict=True))
         ended = p[free.positions][len(common) :]
-        away = (ended - self._priors(own)) / self._scales(own)
+        away = (ended - self._priors(own)) / scales
         low, high = (np.isclose(ended, bound) for bound in bounds_of(own))
         told = _eliminated(gradient, information, away, len(common), (low, high))
         return Replayed(half + 0.5 * float(away @ away), *told, values)
@@ -86,7 +91,7 @@ class Replay:
         told = {str(e["id"]) for e in self.model.effects}
         known = {**model.values(), **internal_values(model.effects)}
         problem = self._problem(known, own, {e for e in told if BY_ID[e].of_trial})
-        p = self._own_fitted(problem)
+        p = self._own_fitted(problem, self._scales(own, {}))
         if p is None:
             return {}
         return {name: float(p[problem.structure.index(name)]) for name in own}
@@ -116,14 +121,14 @@ class Replay:
         positions = np.array([place[name] for name in names], dtype=np.int64)
         return Free.among(len(parameters), positions, scale, followers)
 
-    def _own_fitted(self, problem: "_Problem") -> Array | None:
+    def _own_fitted(self, problem: "_Problem", scales: Array) -> Array | None:
         """Parameters with the most probable of a trial's own; None where that leads nowhere."""
         p, own = problem.parameters, problem.own
         try:
             output = well_started(problem.output, p)
             if not own:
                 return p
-            free = self._free(problem, own, self._scales(own))
+            free = self._free(problem, own, scales)
             limits = (self._priors(own), *bounds_of(own))
             mean, low, high = ((x - p[free.positions]) / free.scale for x in limits)
             prior = Prior(mean, np.eye(len(own)), low, high, p[free.positions])
@@ -131,10 +136,10 @@ class Replay:
         except NumericsError:
             return None
 
-    def _scales(self, names: Sequence[str]) -> Array:
+    def _scales(self, names: Sequence[str], widened: Mapping[str, float]) -> Array:
         told = self.model.covariance
         scales = dict(zip(told["symbols"], told["scale"], strict=True))
-        return np.array([scales[name] for name in names])
+        return np.array([scales[name] * widened.get(name, 1.0) ** 0.5 for name in names])
 
     def _priors(self, names: Sequence[str]) -> Array:
         priors = prior_behind(self.model)

@@ -91,7 +91,12 @@ def told_by(mean: Array, covariance: Array, prior_mean: Array, prior_variance: A
 
 
 def eliminated(
-    gradient: Array, information: Array, kept: Array, gone: Array, pull: Array
+    gradient: Array,
+    information: Array,
+    kept: Array,
+    gone: Array,
+    pull: Array,
+    variance: Array | float = 1.0,
 ) -> tuple[Array, Array, Array]:
     """Gradient and information about some parameters, others being at their best beside a prior.
 
@@ -102,6 +107,8 @@ def eliminated(
     kept, gone : (m,), (k,) int array
     pull : (k,) array
         Gradient by what is eliminated, with that of its prior.
+    variance : (k,) array or float
+        Of the prior of what is eliminated.
 
     Returns
     -------
@@ -110,7 +117,7 @@ def eliminated(
     (k, m) array
         How what is eliminated moves against what is kept.
     """
-    held = information[np.ix_(gone, gone)] + np.eye(len(gone))
+    held = information[np.ix_(gone, gone)] + np.eye(len(gone)) / variance
     share = np.linalg.solve(held, information[np.ix_(gone, kept)])
     left = information[np.ix_(kept, kept)] - information[np.ix_(kept, gone)] @ share
     return gradient[kept] - share.T @ pull, 0.5 * (left + left.T), share

@@ -1,6 +1,7 @@
 """Pooled models of trials that were simulated from known coefficients by equations of their own."""
 
 import json
+import math
 import re
 from dataclasses import replace
 from types import SimpleNamespace
@@ -442,8 +443,14 @@ def series() -> PoolResult:
 
 def with_dvl_scale(result: PoolResult, fractions: list[float], std: float) -> PoolResult:
     """The same trials with a DVL scale error, of which each knows a size of its own."""
-    name, unit = "dvl_scale.fraction", 0.03
-    row = {"id": "dvl_scale", "internal": {name: float(np.mean(fractions))}}
+    return with_effect(result, "dvl_scale.fraction", 0.03, fractions, std)
+
+
+def with_effect(
+    result: PoolResult, name: str, unit: float, fractions: list[float], std: float
+) -> PoolResult:
+    """The same trials with an effect, of which each knows a size of its own."""
+    row = {"id": name.partition(".")[0], "internal": {name: float(np.mean(fractions))}}
     information = (unit / std) ** 2
     told = tuple(
         replace(
@@ -459,7 +466,7 @@ def with_dvl_scale(result: PoolResult, fractions: list[float], std: float) -> Po
         unit=np.append(result.data.unit, unit),
         origin=np.append(result.data.origin, 0.0),
         told=told,
-        effects=(*result.data.effects, "dvl_scale"),
+        effects=(*result.data.effects, row["id"]),
     )
     was = result.model.covariance
     wide = {k: block_diag(was[k], 0.0).tolist() for k in ("matrix", "scatter")}
@@ -467,8 +474,8 @@ def with_dvl_scale(result: PoolResult, fractions: list[float], std: float) -> Po
     told_of = {"symbols": [*was["symbols"], name], **wide, **flat}
     effects = (*result.model.effects, row)
     model = result.model.model_copy(update={"effects": effects, "covariance": told_of})
-    values = np.append(result.values, np.mean(fractions))
-    return replace(result, model=model, data=data, values=values)
+    values, anew = (np.append(v, np.mean(fractions)) for v in (result.values, result.again))
+    return replace(result, model=model, data=data, values=values, again=anew)
 
 
 def test_a_scale_error_changes_by_a_difference_though_it_has_no_unit() -> None:
@@ -487,6 +494,17 @@ def test_a_scale_error_changes_by_a_difference_though_it_has_no_unit() -> None:
     assert re.fullmatch(r"\+0\.0\d+", str(row[1])) and "%" not in str(row[2])
     figure = over_trials(found)
     assert "difference" in figure and "% of common" in figure
+
+
+def test_a_limit_changes_in_its_own_unit_and_not_by_its_inverse() -> None:
+    """A limit of a rate was told as "0.13 internal smaller", of a servo that got faster."""
+    name, noise = "rudder_rate_limit.rate_degps", np.random.default_rng(3).normal(size=12)
+    inverses = [math.degrees(1.0) / (20.0 - 4.0 * (k >= 6) + 0.1 * noise[k]) for k in range(12)]
+    found = changes_of(with_effect(series(), name, 2.6, inverses, 0.02), np.random.default_rng(0))
+    (said,) = [f.message for f in found.findings if f.code == "small-changes"]
+    told = r"since 7 May 2026 rudder_rate_limit.rate_degps is (\d.?\d*) deg/s smaller \(-[^+]+\)"
+    (size,) = re.findall(told, said)
+    assert float(size) == pytest.approx(4.0, abs=0.3)
 
 
 def test_what_changed_by_too_little_to_matter_is_a_note_and_no_change() -> None:

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from auvident.engines.carried import internal_values
+from auvident.estimation.pooling import WIDE, TrialData, pooled
 from auvident.schema.artifacts import IdentifiedModel
 from auvident.schema.changes import VehicleChange
 from auvident.stages.identify import identify, replay_in
 from auvident.stages.pool import PoolTrial, pool
-from auvident.stages.pool.again import again
+from auvident.stages.pool.again import _apart, again
 from auvident.stages.pool.carry import about_common
 from auvident.stages.pool.collect import collect
 from auvident.stages.pool.stage import changed_since
@@ -91,6 +92,21 @@ def test_what_nobody_claims_stays_the_trials_own() -> None:
     row = next(p for p in found.pooling.parameters if p.symbol == SERVO)
     assert (row.freedom, row.between_std) == (0.0, 0.0)
     assert found.covariance["fitted_variance"][i] < data.unit[i] ** 2
+
+
+def test_of_what_changed_the_estimate_is_no_evidence_in_each_trial() -> None:
+    """Many trials before a change know the rest as well as one that has nothing of its own."""
+    information = np.array([[400.0, -396.0], [-396.0, 400.0]])
+    told = TrialData(information, information @ np.array([3.0, 1.0]))  # 3: its own, before
+    own, nowhere = np.array([0]), np.zeros(2)
+    found = {}
+    for width in (1.0, WIDE):
+        trials = [_apart(told, own, np.array([width]), nowhere)[0]] * 60
+        found[width] = pooled(trials, nowhere, np.ones(2)).mean[1]
+    assert found[WIDE] == pytest.approx(1.0, abs=0.1)
+    assert found[1.0] < 0.7  # each would hold it to the estimate, and what goes with it
+    values = _apart(told, own, np.array([WIDE]), np.array([0.0, 1.0]))[1]
+    assert values == pytest.approx([3.0], abs=0.01)
 
 
 FIN = ("Y_uud", "N_uud")

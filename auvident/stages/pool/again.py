@@ -12,7 +12,11 @@ rudders that answer at once had a lag of 0.12 s, where each trial alone says 0.0
 were held out were predicted half as badly again.
 
 What changed since a trial is that trial's own, too: the mean of a fin that was straight and is bent
-is that of no vehicle.
+is that of no vehicle. Of that the estimate from geometry is one and the same error in every trial
+and counts once, with what is pooled; in each trial before a change it is left so wide that it says
+nothing. Counted each time, 65 trials of a hull that fouls held their own drags to the estimate, and
+through them the thrust: the drag came out by a fifth too small, by thirteen of its claimed standard
+deviations.
 """
 
 from collections.abc import Callable, Collection, Sequence
@@ -26,6 +30,7 @@ import numpy.typing as npt
 from auvident.engines.replay import Replay
 from auvident.engines.setup import bounds_of
 from auvident.estimation.pooling import (
+    WIDE,
     Pooled,
     TrialData,
     between_trials,
@@ -97,16 +102,17 @@ def again(
     unclaimed = _places(data, [n for n in data.names if not _is_claimed(n, claimed)])
     since = changed or [()] * len(data.trials)
     owns = [_own(data, unclaimed, names) for names in since]
+    widths = [np.where(np.arange(len(own)) < len(unclaimed), 1.0, WIDE) for own in owns]
     theta = np.zeros(len(data.names))
-    told = [_apart(t, own, theta) for t, own in zip(data.told, owns, strict=True)]
+    told = [_apart(*one, theta) for one in zip(data.told, owns, widths, strict=True)]
     theta, moved = _moved(data, [t for t, _ in told], theta)
     found: list[tuple[TrialData, Array] | None] = []
     for _ in range(ROUNDS):
-        loads = [(own, t.replay) for own, t in zip(owns, data.trials, strict=True)]
+        loads = [(*one, t.replay) for *one, t in zip(owns, widths, data.trials, strict=True)]
         found = each(partial(_about, data, theta), loads)
         told = [
-            _apart(t, own, theta) if one is None else one
-            for t, own, one in zip(data.told, owns, found, strict=True)
+            _apart(t, own, width, theta) if one is None else one
+            for t, own, width, one in zip(data.told, owns, widths, found, strict=True)
         ]
         theta, moved = _moved(data, [t for t, _ in told], theta)
         if moved < SETTLED:
@@ -155,15 +161,18 @@ def _is_claimed(name: str, effects: Sequence[str]) -> bool:
     return not dot or effect in effects
 
 
-def _apart(told: TrialData, own: npt.NDArray[np.int64], theta: Array) -> tuple[TrialData, Array]:
+def _apart(
+    told: TrialData, own: npt.NDArray[np.int64], width: Array, theta: Array
+) -> tuple[TrialData, Array]:
     """A trial without some parameters, which are its own; these (k,) beside the others of theta.
 
-    Their prior counts in each trial.
+    Their prior, with these variances, counts in each trial.
     """
     n = len(told.score)
     kept = np.setdiff1d(np.arange(n), own)
-    slope, left, share = eliminated(-told.score, told.information, kept, own, -told.score[own])
-    held = told.information[np.ix_(own, own)] + np.eye(len(own))
+    pull = -told.score[own]
+    slope, left, share = eliminated(-told.score, told.information, kept, own, pull, width)
+    held = told.information[np.ix_(own, own)] + np.diag(1.0 / width)
     values = np.linalg.solve(held, told.score[own]) - share @ theta[kept]
     return spread_over(replace(told, information=left, score=-slope), kept.tolist(), n), values
 
@@ -178,20 +187,22 @@ def _moved(data: Collected, told: Sequence[TrialData], theta: Array) -> tuple[Ar
 
 
 def _about(
-    data: Collected, theta: Array, trial: tuple[npt.NDArray[np.int64], Load | None]
+    data: Collected, theta: Array, trial: tuple[npt.NDArray[np.int64], Array, Load | None]
 ) -> tuple[TrialData, Array] | None:
     """What a trial says about coefficients (n,) in units of the prior, and what is its own (k,).
 
-    ``trial`` has the places of its own, and how its maneuvers are loaded.
+    ``trial`` has the places of its own, the variances of their priors, and how its maneuvers are
+    loaded.
     """
-    own, load = trial
+    own, width, load = trial
     replay = load() if load else None
     if replay is None:
         return None
     kept = np.setdiff1d(np.arange(len(theta)), own)
     there = data.origin + data.unit * theta
     values = {data.names[i]: float(there[i]) for i in kept}
-    found = replay.about(values, data.unit[kept])
+    wide = {data.names[i]: float(w) for i, w in zip(own, width, strict=True)}
+    found = replay.about(values, data.unit[kept], wide)
     if found is None:
         return None
     score = found.information @ theta[kept] - found.gradient

@@ -105,7 +105,7 @@ def changes_of(
     directions = np.vstack([np.eye(len(data.names)), *(_along(g, data, theta) for g in groups)])
     times = _times(dates, dated)
     found, trials = search(data.told, directions, times, rng, false_alarms)
-    before = data.origin + data.unit * found.theta
+    before = data.origin + data.unit * found.theta + _drag_anew(result)
     teller = _Teller(data, groups, theta, before, dated, _levels(result))
     told = {f: teller.change(f) for f in found.found}
     worth = [f for f in told if abs(told[f].size if told[f].share else f.size) >= teller.least(f)]
@@ -181,6 +181,18 @@ class _Measure(NamedTuple):
     factor: float
     unit: str
     share: bool
+
+
+def _drag_anew(result: PoolResult) -> Array:
+    """By how much (n,) the drag is another one where the maneuvers are predicted again.
+
+    How much a drag changes at a given thrust every trial tells. What it is a share of, no trial
+    tells apart from how the thrust falls with the speed, and the parabolas of their models err in
+    it alike. Of a share of the thrust itself that goes into the change as well, and cancels.
+    """
+    names = result.data.names
+    drag = [n == LINEAR_DRAG or (n in ESTIMATED and ESTIMATED[n].group == "drag") for n in names]
+    return np.asarray(np.where(drag, result.again - result.values, 0.0))
 
 
 def _levels(result: PoolResult) -> tuple[Array, Array]:
@@ -297,9 +309,12 @@ class _Teller:
         value = float(self.theta[direction])
         if "." in name:
             declared = parameter_of(name)
-            if declared.form != "plain":
+            if declared.form == "plain":
+                return _Measure(unit * declared.factor, declared.unit, share=False)
+            if declared.is_nothing(value):
                 return _Measure(unit, "internal", share=False)
-            return _Measure(unit * declared.factor, declared.unit, share=False)
+            # a limit is stored as its inverse, which falls as it rises
+            return _Measure(-declared.shown(value, unit)[1], declared.unit, share=False)
         std = float(np.sqrt(np.linalg.inv(self._information())[direction, direction])) * unit
         if abs(value) > CERTAIN * std:
             return _Measure(unit / value, "-", share=True)

@@ -63,12 +63,15 @@ class PoolResult:
     data : Collected
         As the models of the trials tell them: one that changed is far from the others.
     values : (n,) array
-        Of all together, in the units of the equations.
+        Of all together, in the units of the equations, as the models tell them.
+    again : (n,) array
+        The same as their maneuvers do, predicted again.
     """
 
     model: PooledModel
     data: Collected
     values: Array
+    again: Array
 
 
 def pool(
@@ -126,8 +129,8 @@ def pool(
     )
     n = len(data.names)
     near = pooled(by_models.told, np.zeros(n), np.ones(n), scatter).mean
-    values = by_models.origin + by_models.unit * near
-    return PoolResult(model_of_all(together, pooling, findings), by_models, values)
+    values, anew = (by_models.origin + by_models.unit * mean for mean in (near, found.mean))
+    return PoolResult(model_of_all(together, pooling, findings), by_models, values, anew)
 
 
 def changed_since(data: Collected, changes: Sequence[VehicleChange]) -> list[set[str]]:
@@ -370,7 +373,7 @@ def _findings(t: Together, agree: Agreement, each: Sequence[Agreement]) -> Itera
             threshold=DISAGREE / len(each),
             message=f"differs between trials by more than their errors (scatter {scatter:.2g} "
             f"{unit}); its standard deviation contains that",
-            remedy="See whether it changed at one time: `auvident pool` tells.",
+            remedy="From five trials on `changes.json` says whether it changed at one time.",
         )
     rest = [i for i in scattering if t.between[i] <= 0.0]  # with the others held, that is
     if rest:
