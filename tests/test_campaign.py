@@ -42,7 +42,7 @@ from auvident.pipeline.pooling import (
 from auvident.pipeline.predict import find_model
 from auvident.report.campaign_page import render_campaign
 from auvident.report.tables import Number
-from auvident.report.tables_campaign import campaign_trials, repeats
+from auvident.report.tables_campaign import campaign_trials, repeats, summary
 from auvident.schema.artifacts import IdentifiedModel
 from auvident.schema.campaign import (
     Campaign,
@@ -52,6 +52,7 @@ from auvident.schema.campaign import (
     RunOptions,
 )
 from auvident.schema.changes import Changes, VehicleChange
+from auvident.schema.pooled import PooledModel
 from auvident.schema.quoting import first_words
 from auvident.storage.artifacts import sha256_of
 from auvident.storage.campaign_file import PlannedTrial, read_campaign, trials_in_folders
@@ -293,9 +294,26 @@ def test_days_of_dives_beside_days_of_turns_are_pooled_by_themselves(
         ("horizontal", "demo"),
         ("vertical", "dive"),
     }
-    page = render_campaign(done.result, {n: r.model for n, r in done.pooled.items()})
+    models = {n: r.model for n, r in done.pooled.items()}
+    page = render_campaign(done.result, models)
+    assert_disagreement_shows(done.result, models)
     assert '<h2 class="plane" id="runs-vertical-plane">runs, vertical plane</h2>' in page
     assert page.count("<h3>Trials</h3>") == 1 and '<p class="soft">1 vehicle ' in page
+
+
+def assert_disagreement_shows(result: CampaignResult, models: dict[str, PooledModel]) -> None:
+    """Two trials with another thruster each (p = 2e-39) had a green card without a word of it."""
+    name, model = next(iter(models.items()))
+    graded = re.compile('<section class="verdict ([a-z]+)">')
+    assert graded.findall(render_campaign(result, models))[0] == "good"
+    pooling = model.pooling.model_copy(update={"p": 2e-39})
+    against = model.model_copy(update={"pooling": pooling})
+    assert graded.findall(render_campaign(result, {**models, name: against}))[0] == "fair"
+    assert "The trials disagree (p = 2e-39), most in" in summary(against)
+    assert "disagree" not in summary(model)
+    missing = result.vehicles[0].model_copy(update={"trials": 2})
+    result = result.model_copy(update={"vehicles": (missing, *result.vehicles[1:])})
+    assert graded.findall(render_campaign(result, models))[0] == "fair"
 
 
 @pytest.mark.parametrize(

@@ -46,7 +46,9 @@ class Model:
 
     def __repr__(self) -> str:
         shown = self.artifact
-        return f"<Model of {shown.vehicle}, {shown.plane} plane, {len(shown.effects)} effects>"
+        count = len(shown.effects)
+        effects = "1 effect" if count == 1 else f"{count} effects"
+        return f"<Model of {shown.vehicle}, {shown.plane} plane, {effects}>"
 
     @property
     def plane(self) -> Plane:

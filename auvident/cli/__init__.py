@@ -54,7 +54,8 @@ def cli(verbose: bool) -> None:
 
     `auvident run` does everything; the other commands do one step each on its run directory.
     Exit codes: 0 done, 1 a gate was not met, 2 wrong usage, 3 unusable input, 4 an earlier stage
-    is missing or stale, 5 numerical failure, 6 the run directory is in use by another process.
+    is missing or stale, 5 numerical failure, 6 the run directory is in use by another process,
+    130 interrupted.
     """
     if verbose:
         raise click.UsageError("--verbose stands behind the command, or beside --version.")
@@ -110,7 +111,10 @@ def _run(arguments: list[str] | None) -> int:
 
 def _interrupted() -> int:
     interrupt.heeded()
-    click.echo("Interrupted; the run directory is as the last completed stage left it.", err=True)
+    text = (
+        "Interrupted. What completed stages wrote stands, and the same command goes on from there."
+    )
+    click.echo(text, err=True)
     return INTERRUPTED_EXIT_CODE
 
 

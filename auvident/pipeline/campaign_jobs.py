@@ -24,6 +24,8 @@ from auvident.schema.quoting import LONGEST_PROBLEM, first_words
 
 PROGRAM = ("-m", "auvident.pipeline.campaign_trial")
 ONE_THREAD = (VARIABLE, "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")
+OF_TERMINAL = ("COLUMNS", "LINES")  # size of the one that the campaign was started in
+ENDS = (".", "!", "?", ":", "]", "}")  # of a sentence, of a line of TOML
 ATTEMPTS = 2  # of a trial whose process was killed
 OUT_OF_MEMORY = ", as the system does where memory runs out: run fewer at a time (`--jobs`)"
 LOOK_S = 0.5  # how often a trial that runs is asked whether it is still wanted
@@ -146,11 +148,15 @@ def _once(job: Job, wanted: Callable[[], bool], start: Start) -> tuple[int, str]
 
 
 def environment() -> Mapping[str, str]:
-    """Of a process for one trial: the processors are taken by other trials."""
+    """Of a process for one trial: the processors are taken by other trials.
+
+    It does not know how wide the terminal is, so that lines of its error end where sentences do.
+    """
     paths = [str(Path(__file__).resolve().parents[2]), os.environ.get("PYTHONPATH", "")]
     path = os.pathsep.join(p for p in paths if p)
     own = {"PYTHONPATH": path, STARTED_BY: str(os.getpid())}
-    return {**os.environ, **own, **dict.fromkeys(ONE_THREAD, "1")}
+    given = {key: value for key, value in os.environ.items() if key not in OF_TERMINAL}
+    return {**given, **own, **dict.fromkeys(ONE_THREAD, "1")}
 
 
 def problem_of(said: str) -> str:
@@ -158,5 +164,5 @@ def problem_of(said: str) -> str:
     lines = [line.strip() for line in said.splitlines() if line.strip()]
     starts = [k for k, line in enumerate(lines) if line.startswith("Error:")]
     told = lines[starts[-1] :] if starts else lines[-2:]
-    ended = [line if line.endswith((".", "!", "?", ":")) else f"{line}." for line in told[:-1]]
+    ended = [line if line.endswith(ENDS) else f"{line}." for line in told[:-1]]
     return " ".join([*ended, *told[-1:]]).removeprefix("Error:").strip()

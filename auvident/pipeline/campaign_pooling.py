@@ -98,12 +98,12 @@ def _pooled(
         return PooledVehicle(told.model_copy(update={"problem": _told(error)}))
     for file, artifact in zip(files, (found.model, found.changes), strict=True):
         write_bytes(file, json_bytes(artifact, file.name))
-    from auvident.report.tables_campaign import seen
+    from auvident.report.tables_campaign import summary
 
     update = {
         "model": str(files[0]),
         "pooled": sum(t.used for t in found.model.pooling.trials),
-        "summary": seen(found.model),
+        "summary": summary(found.model),
         "changes": found.changes,
         "findings": found.model.findings,
         "repeat": (*told.repeat, *_to_repeat(found)),

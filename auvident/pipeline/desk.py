@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 ESTIMATED = "ase/coefficients.json"
 SECOND_PLANE = ("refine/vertical/model.json", "identify/vertical/model.json")
+MANEUVERS = {"horizontal": "turns or zigzags", "vertical": "dives or zigzags of the elevator"}
 SPEED_ASSUMED = (
     f"The speed of the approach is {USUAL_SPEED_MPS:g} m/s, as neither --speed nor --rpm is given "
     "and neither a run directory nor design_speed_mps of a vehicle file tells another."
@@ -237,7 +238,9 @@ def _model_for(target: Path, order: DeskOrder) -> "tuple[Path, IdentifiedModel]"
     raise StageError(
         f"there is no model of the {needed} plane, which {order.row.name} needs",
         str(target),
-        f"Run `auvident identify {typed(target)} --plane {needed}` (in a copy, to keep this one).",
+        f"It takes {MANEUVERS[needed]} in the log: `auvident run` with such a log beside the "
+        f"others, or `auvident identify {typed(target)} --plane {needed}` where this one has them "
+        "(in a copy, to keep the model).",
     )
 
 

@@ -71,7 +71,7 @@ def _vehicle(
         "id": vehicle.title.replace(" ", "-").replace(",", ""),
         "told": f"{vehicle.pooled} of {vehicle.trials} trials pooled. "
         + (vehicle.summary or vehicle.problem),
-        "grade": "poor" if vehicle.problem or (found and found.changes) else "good",
+        "grade": _grade(vehicle, model),
         "sentences": [c.sentence for c in found.changes] if found else [],
         "unchanged": tables.no_change(found) if found else "",
         "changes": tables.changes(found) if found and found.changes else None,
@@ -85,6 +85,14 @@ def _vehicle(
                   "distance", "pooled"),
         "lines": [] if vehicle.second else [_line(t, channels) for t in own],
     }  # fmt: skip
+
+
+def _grade(vehicle: CampaignVehicleResult, model: PooledModel | None) -> str:
+    """Poor with a problem or a change, fair where a trial is missing or trials disagree."""
+    if vehicle.problem or (vehicle.changes and vehicle.changes.changes):
+        return "poor"
+    missing = vehicle.pooled < vehicle.trials
+    return "fair" if missing or (model is not None and tables.disagree(model)) else "good"
 
 
 def _drawn(found: Any) -> "Markup | str":

@@ -1,5 +1,6 @@
 """What the HTML report shows of the residual loop: verdict, tables, figures of its section."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -9,7 +10,7 @@ from auvident.report import loop_words as words
 from auvident.report import tables_loop as tables
 from auvident.report.html_data import ReportData
 from auvident.report.tables import Table
-from auvident.schema.diagnosis import Comparison, Diagnosis
+from auvident.schema.diagnosis import Candidate, Comparison, Diagnosis
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -45,6 +46,7 @@ class Lacks:
     maneuvers: Table | None
     moved: Table | None
     candidates: Table
+    bars: str
     others: Table
     sight: Table
     residuals: Table
@@ -77,12 +79,24 @@ def lacks(report: ReportData) -> Lacks | None:
         maneuvers=tables.maneuvers(changed.maneuvers, report.kinds) if changed else None,
         moved=tables.moved(changed.coefficients) if changed else None,
         candidates=tables.candidates(words.ranked(found.candidates)[:MOST_CANDIDATES]),
+        bars=_bars(found.candidates),
         others=tables.candidates(words.ranked(found.candidates)[MOST_CANDIDATES:]),
         sight=replace(tables.sight(diagnosis), title=""),
         residuals=tables.residuals(diagnosis),
         steps=diagnosis.steps,
         suggests=words.SUGGESTS.get(diagnosis.plane, ""),
     )
+
+
+def _bars(found: Sequence[Candidate]) -> str:
+    """What the figure of the candidates shows, and no more than it shows."""
+    text = (
+        "Bars: gain in log-likelihood by adding the effect, corrected for the autocorrelation of "
+    )
+    text += "the residual"
+    text += "; blue: accepted." if any(not c.rejected for c in found) else "."
+    tried = any(c.held_back_gain is not None for c in found)
+    return text + (" Diamonds: gain in maneuvers left out in turn." if tried else "")
 
 
 def _nothing_known(found: Diagnosis | Comparison) -> Diagnosis:

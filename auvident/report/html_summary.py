@@ -20,6 +20,7 @@ from auvident.schema.coefficients import ESTIMATED, Group
 from auvident.schema.diagnosis import (
     ChannelError,
     Comparison,
+    CrossValidated,
     Diagnosis,
     EffectFound,
     ParameterValue,
@@ -315,7 +316,20 @@ def _changed(found: Comparison) -> str:
             doubted.append(name)
     if not pieces:
         return ""
-    return f"With that, held-out RMSE {', '.join(pieces)}.{_doubt(found, doubted)}"
+    told = f"With that, held-out RMSE {', '.join(pieces)}.{_doubt(found, doubted)}"
+    return f"{told}{_no_better(found.cross_validation)}"
+
+
+def _no_better(crossed: CrossValidated) -> str:
+    """Channels in which identifying maneuvers, each left out in turn, are predicted no better."""
+    pieces = [
+        f"{name} {number(PAGE.shown(old.rmse, old.unit), 2)} → {quantity(new.rmse, new.unit, 2)}"
+        for name, old in crossed.before.items()
+        if name in DYNAMIC and (new := crossed.after.get(name)) and new.rmse > old.rmse
+    ]
+    if not pieces:
+        return ""
+    return f" Identifying maneuvers, each left out in turn, are no better: {', '.join(pieces)}."
 
 
 def _doubt(found: Comparison, channels: Sequence[str]) -> str:

@@ -45,9 +45,22 @@ def title_of(model: PooledModel) -> str:
     """What was pooled, and whether it agrees."""
     used = sum(t.used for t in model.pooling.trials)
     word = "trial" if used == 1 else "trials"
-    agree = "agree" if model.pooling.p >= DISAGREE else "disagree"
+    agree = "disagree" if disagree(model) else "agree"
     text = f"{model.vehicle}, {model.plane} plane: {used} {word} pooled"
     return text if used == 1 else f"{text}, which {agree} (p = {model.pooling.p:.2g})"
+
+
+def disagree(model: PooledModel) -> bool:
+    """Whether the trials differ by more than their errors."""
+    return model.pooling.p < DISAGREE
+
+
+def summary(model: PooledModel) -> str:
+    """What one trial and all see, and in what they contradict each other."""
+    if not disagree(model):
+        return seen(model)
+    most = min(model.pooling.parameters, key=lambda p: p.p).symbol
+    return f"{seen(model)} The trials disagree (p = {model.pooling.p:.2g}), most in {most}."
 
 
 def seen(model: PooledModel) -> str:

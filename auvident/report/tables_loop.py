@@ -174,6 +174,7 @@ def moved(found: Sequence[CoefficientComparison]) -> Table:
 def candidates(found: Sequence[Candidate], caption: str = "") -> Table:
     """Candidates in their order; accepted ones are marked."""
     later = any(c.beside for c in found)
+    known = any(p.interval for c in found for p in c.parameters)
     rows: Rows = [
         [
             "accepted" if not c.rejected else "",
@@ -192,7 +193,11 @@ def candidates(found: Sequence[Candidate], caption: str = "") -> Table:
         Column(on_page=True),
         Column("effect"),
         *columns(
-            ("size, 95 % interval", "rejected because", *(["beside"] if later else ())),
+            (
+                "size, 95 % interval" if known else "size",
+                "rejected because",
+                *(["beside"] if later else ()),
+            ),
             ("gain, nats", "p"),
         ),
         Column("left out, nats", numeric=True),

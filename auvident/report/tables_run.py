@@ -57,7 +57,7 @@ def trials(found: Sequence[TrialQuality], known: Sequence[Maneuver] | None = Non
     ]
     numbers = ["rows", "Hz", "length, s", "records"]
     numbers += ["maneuvers", "held out"] if known is not None else []
-    heads = columns(("trial", "date", "samples left out"), tuple(numbers))
+    heads = columns(("trial", "date", "values left out"), tuple(numbers))
     return Table(heads, rows, "Trials")
 
 
@@ -77,7 +77,7 @@ def sensors(found: Sequence[TrialQuality], title: str = "") -> Table:
     rows = [[t.trial, *_sensor(s)] for t in found for s in t.sensors]
     heads = (
         Column("trial", on_page=True),
-        *columns(("sensor", "samples left out")),
+        *columns(("sensor", "values left out")),
         Column("noise", on_page=True),
         *columns(numbers=("rows", "used", "Hz")),
         Column("jitter, ms", numeric=True, on_page=True),

@@ -241,10 +241,14 @@ class Fluid(Declared):
 
 
 class Signs(Declared):
-    """``[signs]``: which way the logged control angles work."""
+    """``[signs]``: which way the logged control angles work: to port and down unless stated."""
 
     rudder_positive_turns: Literal["port", "starboard"] = "port"
     elevator_positive_pitches: Literal["down", "up"] = "down"
+
+    def assumed(self, key: str) -> str:
+        """The value of a key that the file does not state; "" of one that it does."""
+        return "" if key in self.model_fields_set else str(getattr(self, key))
 
 
 class Known(Declared):

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -111,9 +112,10 @@ def candidates(plane: Plane, low: float, cruise: float, high: float) -> list[Man
             )
     if "turn" in row.maneuvers:
         found += _circles(low, cruise, high)
-    steps = thrust_helm((1.0, high / cruise, low / cruise, 1.0), LEVEL_S)
-    what = f"{fin} amidships, {cruise:.0f}, {high:.0f}, {low:.0f}, {cruise:.0f} rpm"
-    found.append(ManeuverDesign("thrust steps", what, 4 * LEVEL_S, cruise, steps))
+    rates = [rate for rate, _ in groupby((cruise, high, low, cruise))]  # a step changes something
+    steps = thrust_helm([rate / cruise for rate in rates], LEVEL_S)
+    what = f"{fin} amidships, {', '.join(f'{rate:.0f}' for rate in rates)} rpm"
+    found.append(ManeuverDesign("thrust steps", what, len(rates) * LEVEL_S, cruise, steps))
     what = f"{fin} amidships, propeller stopped from {high:.0f} rpm"
     found.append(ManeuverDesign("coast-down", what, LEVEL_S, high, thrust_helm((0.0,), LEVEL_S)))
     return found

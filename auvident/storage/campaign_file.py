@@ -1,5 +1,6 @@
 """The campaign file, and the trials that it (or a folder) means."""
 
+import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +17,8 @@ from auvident.storage.plan_file import read_plan
 from auvident.storage.vehicle_file import load_vehicle
 
 REMEDY = "`auvident schema campaign` lists the tables and keys."
-VEHICLE = "vehicle.toml"
+VEHICLE, CAMPAIGN = "vehicle.toml", "campaign.toml"  # of a folder
+NAMED_FOLDERS = 5  # in a message
 # in the output of a campaign, beside the folders of its vehicles
 RESULT, PAGE = "campaign.json", "campaign.html"
 TABLES = ("trials", "coefficients", "effects")  # each a .parquet file
@@ -129,9 +131,7 @@ def trials_in_folders(
             raise InputError(what, str(folder), FOLDERS)
         file = vehicle_file or folder / VEHICLE
         if not file.exists():
-            raise InputError(
-                f"there is no {VEHICLE}", str(folder), "Put it there, or give --vehicle V.toml."
-            )
+            raise InputError(f"there is no {VEHICLE}", str(folder), _instead_of(folder))
         wrong: list[Fault] = []  # what is no trial is run as well: its row says why
         logs = [s.place for s in find_trials([folder], faults=wrong)]
         logs += [fault.path for fault in wrong]
@@ -140,6 +140,19 @@ def trials_in_folders(
             raise UsageError(f"two folders are named {name}", str(folder), "Rename one of them.")
         found += _planned(name, sorted(set(logs)), file, None, options)
     return found
+
+
+def _instead_of(folder: Path) -> str:
+    """What to give in place of a folder without a vehicle file."""
+    file = folder / CAMPAIGN
+    below = sorted(p.parent for p in folder.glob(f"*/{VEHICLE}"))
+    named = [shlex.quote(str(place)) for place in below[:NAMED_FOLDERS]]
+    more = ", ..." * (len(below) > NAMED_FOLDERS)
+    ways = [f"the campaign file {shlex.quote(str(file))}"] if file.is_file() else []
+    ways += [f"the folders that have one: {', '.join(named)}{more}"] if named else []
+    if not ways:
+        return "Put it there, or give --vehicle V.toml."
+    return f"Give {', or '.join(ways)}{'' if more else '.'}"
 
 
 def _planned(

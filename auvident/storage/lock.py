@@ -144,9 +144,9 @@ def _take(descriptor: int, folder: Path) -> None:
     except OSError as error:
         holder = _holder(descriptor)
         if error.errno in HELD:
-            raise _in_use(folder, holder) from None
+            raise in_use(folder, holder) from None
         if holder is not None and holder.may_be_alive:  # no locks here: what the file says
-            raise _in_use(
+            raise in_use(
                 folder, holder, f"If that has ended, remove {folder / LOCK_FILE}."
             ) from None
 
@@ -197,7 +197,8 @@ def _cannot_be_made(folder: Path, why: str | None) -> InputError:
     return InputError(f"cannot be {what}: {why}", str(folder), "Choose another folder.")
 
 
-def _in_use(folder: Path, holder: Holder | None, also: str = "") -> InUseError:
+def in_use(folder: Path, holder: Holder | None, also: str = "") -> InUseError:
+    """The error of a folder in which another process works."""
     who = f" ({holder.words})" if holder else ""
     return InUseError(
         f"another auvident process is working in this run directory{who}",

@@ -22,6 +22,7 @@ from auvident.schema.logs import (
     units_for,
     units_of,
 )
+from auvident.schema.quoting import quoted
 from auvident.storage.log_file import LogFile
 from auvident.storage.log_geographic import quantity_named
 from auvident.storage.log_layout import TIME_NAMES
@@ -169,6 +170,11 @@ INSTRUMENTS = frozenset(("imu", "ahrs", "ins", "mru", "nav", "gyro", "fog", "dvl
 USUAL_UNIT = {"m/s": "mps", "rad": "deg", "rad/s": "degps", "1/min": "rpm", "m": "m"}
 MOST_LISTED = 40  # names in a message
 LEAST_LETTERS = 3  # of a quantity whose name says something within that of a column
+STAND_IN = ", scale = 0"  # one that only the user knows; a map with this is refused
+SCALE_TOLD = (
+    "\n  In place of the scale 0 put what 1 of the column is in that unit; where the column does "
+    "not count from 0, add offset, in that unit."
+)
 TIME_REMEDY = "Name it time_s (seconds) or timestamp (ISO 8601 or epoch)"
 
 
@@ -340,7 +346,8 @@ def _only_one(log: LogFile, channel: Channel, names: Sequence[str]) -> LogColumn
         raise InputError(
             f"columns {' and '.join(stated)} both hold {channel.quantity}",
             log.where,
-            f"Remove one, or choose in a map (--map): {entry_text(channel, stated[0])}",
+            "Remove one, or choose in a map (--map):"
+            + in_map(channel, entry_text(channel, stated[0])),
         )
     if not names:
         return None
@@ -358,8 +365,8 @@ def _stated_unit(log: LogFile, name: str, channel: Channel) -> str | None:
         raise InputError(
             f"column {name} is labelled {log.unit_of(name)!r}",
             log.where,
-            "Correct the suffix or the label, or state the unit in a map (--map): "
-            + entry_text(channel, name),
+            "Correct the suffix or the label, or state the unit in a map (--map):"
+            + in_map(channel, entry_text(channel, name)),
         )
     return suffix or beside
 
@@ -371,14 +378,15 @@ def _factor(log: LogFile, name: str, channel: Channel, unit: str | None) -> floa
     stem = channel.quantity if channel.quantity != "rpm" else "n"
     names = " or ".join(f"{stem}_{suffix}" for suffix in allowed)
     label = log.unit_of(name).strip()
-    entry = labelled_entry(channel, name, label)
+    entry = in_map(channel, labelled_entry(channel, name, label))
     if unit is None and label:
         raise InputError(
             f"column {name} ({channel.meaning}) is labelled {label!r}, which is no known unit",
             log.where,
-            f"State its unit in a map (--map), with scale, what 1 {label} is in that unit: {entry}",
+            "State its unit in a map (--map), and in place of the scale 0 what 1 "
+            f"{label} is in that unit:{entry.removesuffix(SCALE_TOLD)}",
         )
-    mapped = f"in a map (--map): {entry}"
+    mapped = f"in a map (--map):{entry}"
     problem, remedy = "has no unit", f"Name it {names}, or state the unit {mapped}"
     if unit is not None:  # another name alone would have the numbers read in another unit
         problem = f"has the unit {unit}, which does not fit"
@@ -387,27 +395,32 @@ def _factor(log: LogFile, name: str, channel: Channel, unit: str | None) -> floa
 
 
 def entry_text(channel: Channel, name: str, unit: str | None = None) -> str:
-    """Line of a map for a column, e.g. ``[rudder] rudder = { column = "x", unit = "deg" }``."""
+    """Line of a map for a column, e.g. ``rudder = { column = "x", unit = "deg" }``."""
     unit = unit or split_unit(name)[1]
     is_angle = quantity_named(split_unit(name)[0]) == channel.quantity
     usual = "deg" if is_angle else USUAL_UNIT[channel.unit]
     fits = unit if unit in units_for(channel.quantity) else usual
     is_share = name.strip().lower().rpartition("_")[2] in PERCENT
     is_other = is_share or unit not in (None, fits)
-    scale = ", scale = ..." if channel.kind == "input" and is_other else ""
+    scale = STAND_IN if channel.kind == "input" and is_other else ""
     if channel.unit == "1/min" and unit == "radps":
         scale = f", scale = {RPM_OF_RADPS:.7g}"
-    entry = f'{{ column = "{name}", unit = "{fits}"{scale} }}'
-    return f"[{channel.sensor}] {channel.quantity} = {entry}"
+    return f'{channel.quantity} = {{ column = "{quoted(name)}", unit = "{fits}"{scale} }}'
+
+
+def in_map(channel: Channel, *lines: str) -> str:
+    """Lines of a map as a message offers them, ready to paste, below the header of their table."""
+    shown = "".join(f"\n    {line}" for line in (f"[{channel.sensor}]", *lines))
+    return shown + (SCALE_TOLD if any(STAND_IN in line for line in lines) else "")
 
 
 def labelled_entry(channel: Channel, name: str, label: str) -> str:
     """As `entry_text`, of a column with a label beside it: with a scale where that is no unit."""
     unit = unit_name(label)
     entry = entry_text(channel, name, split_unit(name)[1] or unit)
-    if not label or unit is not None or "scale" in entry:
+    if not label or unit is not None or ", scale = " in entry:
         return entry
-    return entry.replace(" }", ", scale = ... }")
+    return f"{entry.removesuffix(' }')}{STAND_IN} }}"
 
 
 def guess_column(channel: Channel, names: Sequence[str]) -> str | None:
@@ -463,25 +476,30 @@ def missing_channels(
     """
     found = "; ".join(f"{file}: {listed(names)}" for file, names in columns.items())
     names = (f"{' or '.join(_log_names(c))} ({c.meaning}) for {c.sensor}" for c in channels)
-    entries = [_likely_entry(c, columns, labels) + _without(c) for c in channels]
-    between, plural = ("\n    ", "s") if len(entries) > 1 else (" ", "")
+    sensors = dict.fromkeys(c.sensor for c in channels)
+    tables = [[c for c in channels if c.sensor == sensor] for sensor in sensors]
+    entries = [_likely_entries(of_one, columns, labels) for of_one in tables]
+    plural = "s" if len(channels) > 1 else ""
     return InputError(
         f"no column {', none '.join(names)}; found {found or 'nothing'}",
         where,
         f"Name the column{plural} in a map (--map; `auvident inspect` proposes one):"
-        + "".join(between + entry for entry in entries),
+        + "".join(entries)
+        + _without(channels),
         lacks=channels[0].column,
     )
 
 
-def _likely_entry(
-    channel: Channel, columns: Mapping[str, Sequence[str]], labels: Mapping[str, str]
+def _likely_entries(
+    channels: Sequence[Channel], columns: Mapping[str, Sequence[str]], labels: Mapping[str, str]
 ) -> str:
-    """Line of a map for a channel that is missing, with the column that it is likely to be."""
-    guesses = [(f, _likely_column(channel, names)) for f, names in columns.items()]
-    file, name = next(((f, n) for f, n in guesses if n), ("", "your_column"))
-    entry = labelled_entry(channel, name, labels.get(name, ""))
-    return entry.replace("] ", f'] file = "{file}", ', 1) if file else entry
+    """Table of a map for the missing channels of a sensor, with the likely file and columns."""
+    likely = {f: [_likely_column(c, names) for c in channels] for f, names in columns.items()}
+    file = next((f for f, found in likely.items() if any(found)), "")
+    names = [name or "your_column" for name in likely.get(file, [None] * len(channels))]
+    pairs = zip(channels, names, strict=True)
+    lines = [labelled_entry(c, name, labels.get(name, "")) for c, name in pairs]
+    return in_map(channels[0], *([f'file = "{quoted(file)}"'] if file else []), *lines)
 
 
 def _likely_column(channel: Channel, names: Sequence[str]) -> str | None:
@@ -492,16 +510,19 @@ def _likely_column(channel: Channel, names: Sequence[str]) -> str | None:
     return next((n for n in names if channel.quantity in re.split(r"[\W_]+", n.lower())), None)
 
 
-def _without(channel: Channel) -> str:
-    """What a map can say of a channel that was not logged."""
-    if channel.quantity == "rpm":
-        return "; where it was not logged but held, [rpm] rpm = { constant = 600 }"
-    if channel.quantity in Derive.model_fields:
-        return (
-            f"; where nothing measured it but position and heading are logged, "
-            f"[derive] {channel.quantity} = true"
+def _without(channels: Sequence[Channel]) -> str:
+    """What a map can say of channels that were not logged."""
+    derived = [c.quantity for c in channels if c.quantity in Derive.model_fields]
+    told = ""
+    if derived:
+        told += (
+            f"\n  Where nothing measured {', '.join(derived)} but position and heading are "
+            "logged:\n    [derive]" + "".join(f"\n    {quantity} = true" for quantity in derived)
         )
-    return ""
+    if any(c.quantity == "rpm" for c in channels):
+        told += "\n  Where rpm was not logged but held, instead:"
+        told += "\n    [rpm]\n    rpm = { constant = 600 }"
+    return told
 
 
 def missing_topic(channel: Channel, where: str, topics: Sequence[str]) -> InputError:
@@ -510,9 +531,8 @@ def missing_topic(channel: Channel, where: str, topics: Sequence[str]) -> InputE
     return InputError(
         f"no topic has {names} ({channel.meaning}) for {channel.sensor}; found {listed(topics)}",
         where,
-        "Run `auvident inspect` on it, which proposes a map: "
-        f'[{channel.sensor}] topic = "...", {channel.quantity} = '
-        f'{{ column = "...", unit = "{USUAL_UNIT[channel.unit]}" }}',
+        "Run `auvident inspect` on it, which proposes a map:"
+        + in_map(channel, 'topic = "..."', entry_text(channel, "...")),
         lacks=channel.column,
     )
 

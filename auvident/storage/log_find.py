@@ -26,6 +26,7 @@ from auvident.storage.log_file import (
 from auvident.storage.log_own import (
     MAX_DEPTH,
     folders_in,
+    holds_runs_alone,
     logs_in,
     not_own,
     refuse_only_own,
@@ -116,8 +117,9 @@ def find_trials(
 
 def _no_such(path: Path) -> InputError:
     there = [p.name for p in path.parent.iterdir()] if path.parent.is_dir() else []
-    close = difflib.get_close_matches(path.name, there, n=1)
-    hint = f"Did you mean {path.parent / close[0]}?" if close else "Check the path."
+    close = difflib.get_close_matches(path.name, there, n=max(len(there), 1))
+    meant = next((p for p in map(path.parent.joinpath, close) if not holds_runs_alone(p)), None)
+    hint = f"Did you mean {meant}?" if meant else "Check the path."
     return InputError("no such file or folder", str(path), hint)
 
 

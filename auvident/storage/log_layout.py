@@ -12,6 +12,8 @@ from auvident.storage.log_text import OR_WITHOUT
 
 HEADER_LINES = 400  # a longer preamble is no log of ours
 COMMENT_MARKS = ("#", "//", "%")
+ALSO_NAMES = ("rpm", "rps")  # units that are the name of a column as well
+LONE_ROWS = 5  # of single values below a single name: a table of one column
 DELIMITERS = ("\t", ";", ",")
 WHITESPACE = " "
 INDEX = "index"  # name given to the index of a data frame that has none
@@ -97,7 +99,7 @@ def find_layout(text: str, where: str, time_names: Collection[str]) -> Layout:
     lines = text.split("\n")
     header = _header_by_name(lines, time_names)
     if header is None:
-        header = _header_by_structure(lines) or _header_in_comment(lines)
+        header = _header_by_structure(lines) or _header_in_comment(lines) or _lone_name(lines)
     if header is None:
         first = next((line.strip() for line in lines if line.strip()), "")
         raise InputError(
@@ -209,6 +211,32 @@ def _header_in_comment(lines: Sequence[str]) -> tuple[int, str] | None:
     values = sum(is_value(field) for field in row)
     fits = are_names and len(row) == len(fields) and 2 * values >= len(row)
     return (above, delimiter) if fits else None
+
+
+def _lone_name(lines: Sequence[str]) -> tuple[int, str] | None:
+    """A name above a column of values: a file whose time is missing, which is told of it."""
+    content = [k for k, line in enumerate(lines) if line.strip() and not is_comment(line)]
+    for place, index in enumerate(content[:HEADER_LINES]):
+        below = content[place + 1 : place + 2 + LONE_ROWS]
+        unit = lines[below[0]].strip() if below else ""
+        if _is_units_row([unit]) and unit.lower() not in ALSO_NAMES:
+            del below[0]
+        delimiter, fields = _best_split(lines[index])
+        is_name = len(fields) == 1 or delimiter == WHITESPACE  # of several words
+        if (
+            is_name
+            and not is_value(lines[index].strip())
+            and below
+            and all(_is_lone_value(lines[k]) for k in below[:LONE_ROWS])
+        ):
+            return index, ","
+    return None
+
+
+def _is_lone_value(line: str) -> bool:
+    """Whether a line is one value; a decimal comma parts none."""
+    field = line.strip().strip('"')
+    return is_value(field) and (bool(NUMBER.fullmatch(field)) or len(_best_split(field)[1]) == 1)
 
 
 def plain_name(name: str) -> tuple[str, str]:

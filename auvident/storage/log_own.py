@@ -11,6 +11,7 @@ from auvident.errors import InputError, StageError
 from auvident.schema.channels import BY_COLUMN, SENSORS
 from auvident.schema.coefficients import BY_SYMBOL
 from auvident.storage.artifacts import read_json
+from auvident.storage.lock import LOCK_FILE
 from auvident.storage.log_file import (
     LOG_SUFFIXES,
     PARQUET_SUFFIXES,
@@ -37,6 +38,22 @@ def is_run_directory(folder: Path) -> bool:
     except StageError:
         return _begins_as_one(folder / MANIFEST)
     return isinstance(manifest, dict) and str(manifest.get("schema")).startswith("auvident/")
+
+
+def holds_runs_alone(place: Path, depth: int = MAX_DEPTH) -> bool:
+    """Whether a folder is a run directory, one that a command has made, or has nothing but these.
+
+    What a command has made holds no manifest before its first stage has ended, but a lock.
+    """
+    if not place.is_dir():
+        return False
+    if is_run_directory(place) or (place / LOCK_FILE).is_file():
+        return True
+    try:
+        inside = list(place.iterdir()) if depth else []
+    except OSError:  # what cannot be looked at may be a log
+        return False
+    return bool(inside) and all(holds_runs_alone(p, depth - 1) for p in inside)
 
 
 def _begins_as_one(manifest: Path) -> bool:

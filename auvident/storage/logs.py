@@ -49,11 +49,12 @@ from auvident.storage.log_time_parts import beyond_seconds_of, read_parts
 from auvident.storage.log_unread import columns_told
 from auvident.storage.log_valid import marked
 from auvident.storage.log_zeros import ZEROS, zeros_between, zeros_told
+from auvident.storage.log_zone import refuse_two_zones
 
 Tables = tuple[LogFile, ...]
 MAP_REMEDY = (
-    'A table per sensor, e.g. [rudder] file = "*.csv", time = "t", '
-    'rudder = { column = "delta_cmd", unit = "deg", sign = -1 }.'
+    'A table per sensor, e.g.\n    [rudder]\n    file = "*.csv"\n    time = "t"\n    '
+    'rudder = { column = "delta_cmd", unit = "deg", sign = -1 }'
 )
 
 
@@ -135,6 +136,7 @@ def read_trial(
         *_damage(logs),
     )
     raw = _from_common_origin(source.name, sensors, origins, findings)
+    refuse_two_zones(raw, homes, logged, column_map)
     pyarrow.default_memory_pool().release_unused()  # it keeps a part of what reading took
     return replace(with_constants(raw, column_map), derive=column_map.derive)
 

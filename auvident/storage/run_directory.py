@@ -16,7 +16,7 @@ from auvident.storage.artifacts import (
     sha256_of,
     write_bytes,
 )
-from auvident.storage.lock import locked
+from auvident.storage.lock import LOCK_FILE, in_use, locked, worker
 
 MANIFEST = "run.json"
 PACKAGE = "package:"  # path of a file that comes with the program
@@ -242,9 +242,13 @@ class RunDirectory:
         ------
         StageError
             There is none.
+        InUseError
+            There is none yet, and another process works in it.
         """
         manifest = self.manifest()
         if manifest is None:
+            if (holder := worker(self.path)) is not None:
+                raise in_use(self.path, holder)
             raise StageError("there is no run here (no run.json)", str(self.path), self._instead())
         return manifest
 
@@ -258,7 +262,7 @@ class RunDirectory:
         if below:
             some = ", ".join(shlex.quote(str(place.parent)) for place in below[:NAMED_RUNS])
             return f"Give one of the runs in it: {some}{', ...' * (len(below) > NAMED_RUNS)}."
-        if self.path.is_dir() and any(self.path.iterdir()):
+        if self.path.is_dir() and any(p.name != LOCK_FILE for p in self.path.iterdir()):
             return (
                 f"If it is the folder of a log, `auvident run {named} --vehicle V.toml --run RUN` "
                 "makes a run of it."

@@ -30,7 +30,8 @@ would see {named} get their name or one of their group; a wrong name stands in {
 """
 TANKER = """
 On measured zigzags of a tanker model, which is far from an AUV, the errors fall from {before} (a
-regression formula) to {after} with what the loop finds; the heading is not predicted.
+regression formula) to {after} with what the loop finds; those of the zigzags it is found on, each
+left out in turn, are {own} before and {left} after. The heading is not predicted.
 """
 DAMAGE = """
 Of {n} logs of drawn vehicles that were damaged on purpose, {well} were read right, refused, or the
@@ -115,7 +116,14 @@ def sentences() -> Iterator[str]:
     )
     measured = row_of(loop["held-out errors before and after"], "trial", "kvlcc2")
     formula = tables("tanker")["four zigzags from the other nine"]
+    nine = tables("tanker")["the nine, each left out in turn, before and after `refine`"]
+    own, left = (
+        span(row[key].split(" ")[0] for row in nine if row["channel"] in "uvr")
+        for key in ("before", "after")
+    )
     yield TANKER.format(
+        own=own,
+        left=left,
         before=span(row["starting values"] for row in formula),
         after=span(measured[c].split(", ")[1] for c in "uvr"),
     )

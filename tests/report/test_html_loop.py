@@ -17,8 +17,8 @@ from auvident.report.html_loop import lacks, with_refined
 from auvident.report.html_summary import summary, verdict_lines
 from auvident.report.html_words import cards, factor, warnings
 from auvident.report.numbers import PAGE
-from auvident.schema.artifacts import Finding
-from auvident.schema.diagnosis import Comparison, Diagnosis, Difference
+from auvident.schema.artifacts import CrossValidation, Finding
+from auvident.schema.diagnosis import Comparison, CrossValidated, Diagnosis, Difference
 from auvident.stages.refine.compare import worse_channels
 from auvident.storage.run_directory import RunDirectory
 from tests import loop_world
@@ -93,6 +93,57 @@ def test_the_cards_show_the_final_model_with_the_identified_one_beside_it(
 )
 def test_a_ratio_of_errors_in_words(ratio: float | None, words: str) -> None:
     assert factor(ratio) == words
+
+
+def test_what_left_out_in_turn_is_no_better_stands_beside_what_is(data: ReportData) -> None:
+    """Of the tanker only the held-out errors were told, which fall; those left out in turn rise."""
+    assert data.comparison
+
+    def told(**after: float) -> str:
+        before = {"u": 0.02, "v": 0.03, "heading": 0.1}
+        crossed = CrossValidated(
+            **{
+                name: {
+                    k: CrossValidation(rmse=x, nrmse=x, se=0.01, unit="m/s")
+                    for k, x in (before | own).items()
+                }
+                for name, own in (("before", {}), ("after", after))
+            }
+        )
+        compared = data.comparison.model_copy(update={"cross_validation": crossed})
+        found = replace(data, comparison=compared)
+        (lines,) = (lines for word, lines in summary(found) if word == "It lacked")
+        return " ".join(lines)
+
+    assert told(u=0.01, v=0.04, heading=0.2).endswith(
+        "Identifying maneuvers, each left out in turn, are no better: v 0.030 → 0.040\u00a0m/s."
+    )
+    assert "left out in turn" not in told(u=0.01, v=0.02)
+
+
+def test_the_figure_of_candidates_says_what_it_shows(data: ReportData) -> None:
+    assert data.diagnosis
+    plain = with_diagnosis(
+        replace(data, comparison=None),
+        candidates=[
+            c.model_copy(
+                update={
+                    "rejected": "gains little",
+                    "held_back_gain": None,
+                    "parameters": [
+                        p.model_copy(update={"low": None, "high": None}) for p in c.parameters
+                    ],
+                }
+            )
+            for c in data.diagnosis.candidates
+        ],
+    )
+    found, none = lacks(replace(data, comparison=None)), lacks(plain)
+    assert found and none
+    assert "blue: accepted" in found.bars
+    assert "blue" not in none.bars and "Diamonds" not in none.bars
+    heads = [c.head for c in none.candidates.columns]
+    assert "size" in heads and "size, 95 % interval" not in heads
 
 
 def test_what_may_be_chance_and_what_got_worse_is_said(data: ReportData) -> None:

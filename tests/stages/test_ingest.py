@@ -246,6 +246,20 @@ def test_right_rudder_sign_is_accepted_and_the_wrong_one_refused(seed, duration)
         assert word in str(caught.value)
 
 
+def test_a_sign_that_the_vehicle_file_does_not_state_is_told_to_be_assumed():
+    """The message quoted a key that the file does not have."""
+    raw = maneuvers(1, duration_s=150)
+    raw = changed(raw, "rudder", values={"rudder_rad": -raw.sensors["rudder"].values["rudder_rad"]})
+    unsaid = "'port' (not stated in the vehicle file; port is assumed): a positive"
+    for signs in ({}, {"signs": {}}, {"signs": {"elevator_positive_pitches": "down"}}):
+        with pytest.raises(InputError) as caught:
+            ingest(raw, vehicle(**signs))
+        assert unsaid in caught.value.problem
+    with pytest.raises(InputError) as caught:
+        ingest(raw, vehicle(signs={"rudder_positive_turns": "port"}))
+    assert "= 'port': a positive" in caught.value.problem
+
+
 @pytest.mark.parametrize("moves", [False, True])
 def test_rudder_sign_without_evidence_is_a_note(moves):
     rng = np.random.default_rng(4)

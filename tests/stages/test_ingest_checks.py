@@ -1,7 +1,9 @@
 """Units, scales, signs and axes of trials at sea: right ones agree, damaged ones contradict."""
 
 import pickle
+import re
 import sys
+import tomllib
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -214,6 +216,14 @@ def test_a_unit_that_fits_is_named():
     assert "pressure in kPa logged as depth?" in pressure.message
 
 
+def entry_offered(remedy: str) -> dict[str, object]:
+    """The line of a map that is offered, under [rpm], as a map reads it."""
+    assert "under [rpm] in a map (--map)" in remedy
+    found = re.search(r"rpm = \{.*?\}", remedy)
+    assert found is not None, remedy
+    return tomllib.loads(found[0])["rpm"]
+
+
 @pytest.mark.parametrize("rest", [1000.0, 1100.0, 1500.0])
 @pytest.mark.parametrize("begins", [0.0, 0.5])
 def test_pulses_of_a_throttle_are_told_from_a_rate(rest, begins):
@@ -228,7 +238,9 @@ def test_pulses_of_a_throttle_are_told_from_a_rate(rest, begins):
     made = rows_of["rpm_scale"]
     assert made.outcome == "contradicts" and not made.fix
     assert "where the vehicle stands still: microseconds" in made.message
-    assert 'column = "rpm", unit = "rpm", scale = S' in made.remedy
+    entry = entry_offered(made.remedy)
+    assert (entry["column"], entry["unit"], entry["scale"]) == ("rpm", "rpm", 2)
+    assert entry["offset"] == pytest.approx(-2.0 * rest, abs=120.0)
     assert rows_of["speed_scale"].outcome != "contradicts"
     assert made.value == pytest.approx(rest, abs=60.0)
 
@@ -244,7 +256,8 @@ def test_a_throttle_is_named_and_a_rate_that_is_held_is_none():
     share = on_the_grid(**times(0.05, "rpm"))
     for name in ("rpm_scale", "advance_ratio"):
         assert "per cent of a throttle in an rpm column" in share[name].message
-    assert 'unit = "percent", scale = ...' in share["rpm_scale"].remedy
+    entry = entry_offered(share["rpm_scale"].remedy)
+    assert entry == {"column": "rpm", "unit": "percent", "scale": 12.5}
     assert "a throttle of 0 to 1" in on_the_grid(**times(5e-4, "rpm"))["rpm_constant"].message
     held = on_the_grid(rpm=lambda x: 0.0 * x + 1200.0)["rpm_scale"]
     assert "microseconds" not in held.message

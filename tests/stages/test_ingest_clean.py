@@ -1,5 +1,7 @@
 """Cleaning: flaws go and are counted, maneuvers stay."""
 
+import re
+import tomllib
 from dataclasses import replace
 
 import numpy as np
@@ -223,7 +225,11 @@ def test_counts_of_a_servo_that_a_map_calls_degrees_are_told_with_scale_and_offs
         ingest(changed(raw, "rudder", values={"rudder_rad": counts}, columns=named), vehicle())
     told = str(caught.value)
     assert "or another quantity (counts" in told and "degrees)" in told
-    assert '[rudder] rudder = { column = "servo_counts", unit = "deg", scale = ...' in told
+    offered = "\n".join(re.findall(r"^    (.*)", told, re.MULTILINE))
+    assert tomllib.loads(offered) == {
+        "rudder": {"rudder": {"column": "servo_counts", "unit": "deg"}}
+    }
+    assert "add scale and offset to that line" in told
     assert "_rad column" not in told
 
 

@@ -20,7 +20,7 @@ def test_a_trial_at_one_propeller_rate_is_asked_for_another() -> None:
     assert levels == pytest.approx((0.8 * 614.0, 614.0, 614.0))
     asked = [c.what for c in candidates("horizontal", *levels)]
     assert len(set(asked)) == len(asked)
-    assert any("614, 614, 491, 614 rpm" in what for what in asked)
+    assert any("amidships, 614, 491, 614 rpm" in what for what in asked)
 
 
 def test_a_trial_at_several_rates_keeps_within_them() -> None:

@@ -289,3 +289,29 @@ def test_a_directory_that_is_there_cannot_be_written_to(
         RunDirectory(tmp_path).lock(),
     ):
         pass
+
+
+def test_a_run_directory_in_which_the_first_ingest_works_is_in_use(tmp_path: Path) -> None:
+    """It holds only a lock; it was told to be the folder of a log."""
+    run = RunDirectory(tmp_path / "run")
+    held = "from auvident.storage.lock import locked; from pathlib import Path; import sys\n"
+    held += "with locked(Path(sys.argv[1])): print(flush=True); input()"
+    command = [sys.executable, "-c", held, str(run.path)]
+    with subprocess.Popen(
+        command, env=ENVIRONMENT, text=True, stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    ) as first:
+        assert first.stdout is not None
+        first.stdout.readline()
+        with pytest.raises(InUseError, match=f"process {first.pid} on") as caught:
+            run.existing()
+        assert caught.value.where == str(run.path) and caught.value.exit_code == 6
+        first.communicate("\n")
+    with pytest.raises(StageError, match="no run here"):
+        run.existing()
+
+
+def test_a_lock_that_was_left_makes_no_log_of_a_folder(tmp_path: Path) -> None:
+    (tmp_path / lock.LOCK_FILE).write_text("{}")
+    with pytest.raises(StageError, match="no run here") as caught:
+        RunDirectory(tmp_path).existing()
+    assert "the folder of a log" not in caught.value.remedy

@@ -45,7 +45,8 @@ def test_missing_sensor_file(tmp_path):
         folder,
         "rudder_deg",
         "servo.csv: time_s, delta_cmd",
-        '[rudder] file = "servo.csv", rudder = { column = "delta_cmd", unit = "deg" }',
+        '\n    [rudder]\n    file = "servo.csv"',
+        '\n    rudder = { column = "delta_cmd", unit = "deg" }',
     )
 
 
@@ -72,8 +73,9 @@ def test_all_that_is_wrong_with_the_columns_of_a_log_is_told_at_once(tmp_path):
         "column u (surge velocity of the DVL) has no unit; column v (sway velocity of the DVL)",
         "no column r_radps or r_degps (yaw rate) for gyro, none rudder_rad or rudder_deg",
         "\n  Name it v_mps or v_kn or v_cmps or v_mmps or v_kmph or v_ftps, or state the unit",
-        '\n    [gyro] r = { column = "your_column", unit = "degps" }; where nothing measured it',
-        '\n    [rpm] rpm = { column = "your_column", unit = "rpm" }; where it was not logged',
+        '\n    [gyro]\n    r = { column = "your_column", unit = "degps" }\n    [rudder]\n',
+        '\n    [rpm]\n    rpm = { column = "your_column", unit = "rpm" }\n  Where nothing ',
+        "\n  Where rpm was not logged but held, instead:\n    [rpm]\n    rpm = { constant = 600 }",
     )
     assert message.count("found run.csv: time_s, u, v") == message.count(str(path)) == 1
 
@@ -83,7 +85,7 @@ def test_a_log_of_hundreds_of_columns_does_not_bury_what_to_do(tmp_path):
     names = ["time_s", *(f"channel_{i}" for i in range(300))]
     rows = [names, *([str(k)] * len(names) for k in range(9))]
     path.write_text("\n".join(",".join(row) for row in rows))
-    message = refused(path, "channel_38, ...", "[rudder] rudder = {")
+    message = refused(path, "channel_38, ...", "[rudder]\n    rudder = {")
     assert "channel_39" not in message and len(message) < 2000
 
 
@@ -99,6 +101,23 @@ def test_columns_of_several_files_are_told_with_their_files(tmp_path):
 def test_missing_time_column(tmp_path):
     path = wide_file(tmp_path, lambda text: text.replace("time_s", "t"))
     refused(path, path, "no time column", "t, u_mps", 'time = "t"')
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "rpm\n600\n601\n",
+        '"rpm"\n"600"\n',
+        "rpm\n[rpm]\n600,5\n",
+        "rpm [1/min]\n6e2\n",
+        "made at sea\n\nrpm\n600\n",
+    ],
+)
+def test_a_rate_without_times_is_told_to_have_no_time_column(tmp_path, text):
+    """Its only column has a name, and it was told to have no row of names."""
+    folder = write_folder(tmp_path / "run")
+    (folder / "rpm.csv").write_text(text)
+    refused(folder, f"{folder / 'rpm.csv'}, columns rpm: has no time column", "Name it time_s")
 
 
 @pytest.mark.parametrize("name", ["u", "r", "rudder"])
@@ -172,6 +191,8 @@ def test_no_instant_in_timestamp(tmp_path):
         (b"\x1f\x8b" + b"garbage" * 9, "damaged gzip"),
         (b"0.0,1.5,0.1\n0.1,1.5,0.1\n", "no row of column names"),
         (b"a letter\nto no one\n", "no row of column names"),
+        (b"600\n601\n602\n", "no row of column names"),
+        (b"logger 7\n12\n0.0,1.5,0.1\n0.1,1.5,0.1\n", "no row of column names"),
     ],
 )
 def test_files_that_are_no_logs(tmp_path, content, words):
@@ -270,7 +291,7 @@ def test_the_remedy_for_a_missing_channel_names_a_file_that_may_have_it(tmp_path
     tables = sensor_tables()
     tables["attitude"] = tables["dvl"].rename(columns={"u_mps": "roll_deg", "v_mps": "pitch_deg"})
     tables["thruster"] = tables.pop("rpm").rename(columns={"rpm": "rpm_cmd"})
-    message = '[rpm] file = "thruster.csv", rpm = { column = "rpm_cmd", unit = "rpm" }'
+    message = '[rpm]\n    file = "thruster.csv"\n    rpm = { column = "rpm_cmd", unit = "rpm" }'
     refused(write_folder(tmp_path / "run", tables), message)
     tables["thruster"] = tables["thruster"].rename(columns={"rpm_cmd": "main_rpm_2"})
     refused(write_folder(tmp_path / "other", tables), 'file = "thruster.csv"', '"main_rpm_2"')
@@ -279,7 +300,7 @@ def test_the_remedy_for_a_missing_channel_names_a_file_that_may_have_it(tmp_path
 def test_the_remedy_for_a_missing_channel_names_no_file_where_none_may_have_it(tmp_path):
     tables = sensor_tables()
     del tables["rudder"]
-    message = refused(write_folder(tmp_path / "run", tables), '[rudder] rudder = { column = "your')
+    message = refused(write_folder(tmp_path / "run", tables), "[rudder]\n", '{ column = "your')
     assert "file =" not in message
 
 

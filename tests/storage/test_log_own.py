@@ -11,6 +11,7 @@ from log_world import sensor_tables, wide_table, write_folder
 from auvident.errors import InputError
 from auvident.schema.logs import ColumnMap
 from auvident.storage.artifacts import parquet_bytes
+from auvident.storage.lock import LOCK_FILE
 from auvident.storage.log_find import find_trials
 from auvident.storage.log_inspect import inspect_log
 from auvident.storage.log_own import left_out
@@ -143,3 +144,19 @@ def test_inspect_does_not_propose_artifacts(tmp_path):
     assert len(files) == 4
     shutil.rmtree(tmp_path / "b")
     assert inspect_log(tmp_path / "run1" / "ingest" / "a.parquet").files  # named: looked at
+
+
+def test_a_folder_of_runs_is_not_what_was_meant_by_a_log_that_is_not_there(tmp_path):
+    """The command makes its run directory, with a lock in it, before it looks for the log."""
+    locked = tmp_path / "trial_1_run"
+    locked.mkdir()
+    (locked / LOCK_FILE).write_text("{}")
+    run_directory(tmp_path / "trial_1_done")
+    run_directory(tmp_path / "trial_1_all" / "first")
+    with pytest.raises(InputError, match="no such file or folder") as caught:
+        find_trials([tmp_path / "trial_1"])
+    assert caught.value.remedy == "Check the path."
+    write_folder(tmp_path / "trial_1_morning")
+    with pytest.raises(InputError) as caught:
+        find_trials([tmp_path / "trial_1"])
+    assert caught.value.remedy == f"Did you mean {tmp_path / 'trial_1_morning'}?"

@@ -321,7 +321,7 @@ def test_a_share_of_the_range_is_proposed_without_a_unit_it_has_not(
     with pytest.raises(InputError) as caught:
         read_as_proposed(folder, tmp_path)
     assert all(word in str(caught.value) for word in words)
-    with pytest.raises(InputError, match=r"scale = \.\.\."):
+    with pytest.raises(InputError, match="In place of the scale 0 put what 1 of the column is"):
         read_trials([folder])
 
 

@@ -45,7 +45,7 @@ def test_an_unknown_label_is_quoted_and_asks_for_its_scale(tmp_path):
     folder = write_folder(tmp_path / "run", tables | {"depth": depth})
     with pytest.raises(InputError, match="labelled 'dbar', which is no known unit") as caught:
         read_trials([folder])
-    assert 'unit = "m", scale = ... }' in str(caught.value)
+    assert 'unit = "m", scale = 0 }' in str(caught.value)
     assert "what 1 dbar is in that unit" in str(caught.value)
     depth = next(
         line for line in inspect_log(folder).proposed_map.splitlines() if "depth =" in line

@@ -215,13 +215,15 @@ def _contradiction(raw: RawTrial, vehicle: Vehicle, fin: str, shown: str) -> Con
     row = BY_FIN[fin]
     key, ways, rate = row.sign_key, row.sides, row.states[2].symbol
     said = str(getattr(vehicle.signs, key))
+    assumed = vehicle.signs.assumed(key)
+    unsaid = f" (not stated in the vehicle file; {assumed} is assumed)" if assumed else ""
     other = ways[1] if said == ways[0] else ways[0]
     side = f"to {other}" if fin == "rudder" else other
     sensor = raw.sensors[fin]
     column = sensor.columns[f"{fin}_rad"]
     return ContradictionError(
-        f"the log's {fin} sign contradicts [signs] {key} = {said!r}: a positive {column} turns "
-        f"the bow {side} ({shown})",
+        f"the log's {fin} sign contradicts [signs] {key} = {said!r}{unsaid}: a positive {column} "
+        f"turns the bow {side} ({shown})",
         f"{sensor.file}, column {column}",
         f"Set {key} = {other!r} in the vehicle file, or sign = -1 for the column in a map "
         f"(--map), or give --fix {fin}_sign; if the gyro has the wrong sign, set sign = -1 for "

@@ -5,6 +5,7 @@ import numpy as np
 from auvident.errors import InputError
 from auvident.schema.channels import Channel
 from auvident.schema.logs import RawSensor
+from auvident.schema.quoting import quoted
 
 WRONG_SHARE = 0.05  # of the samples that differ from zero; outliers are rarer, a unit is not
 NEAR_ZERO = 1e-3  # of the plausible limit: samples below it tell nothing about the unit
@@ -38,7 +39,7 @@ def refuse_wrong_unit(raw: RawSensor, channel: Channel, values: np.ndarray) -> N
     beyond = size > channel.plausible
     if not beyond.any() or beyond.sum() <= max(3, WRONG_SHARE * moving.sum()):
         return
-    column = raw.columns[channel.column]
+    column, unit = raw.columns[channel.column], EXAMPLE[channel.unit]
     first = values[beyond][0]
     in_degrees = f" ({np.degrees(first):.4g} degrees)" if channel.unit == "rad" else ""
     raise InputError(
@@ -46,10 +47,11 @@ def refuse_wrong_unit(raw: RawSensor, channel: Channel, values: np.ndarray) -> N
         f"{channel.plausible:g} {channel.unit}, e.g. {first:.4g} {channel.unit}{in_degrees}; "
         f"looks like {_likely(column, channel)}",
         f"{raw.file}, row {raw.rows[0]} on, column {column}",
-        "Give the column the suffix of its unit, or state the unit in a map (--map), with the "
-        "scale and offset that make that unit of it where it counts something else: "
-        f'[{channel.sensor}] {channel.quantity} = {{ column = "{column}", '
-        f'unit = "{EXAMPLE.get(channel.unit, "...")}", scale = ..., offset = ... }}',
+        "Give the column the suffix of its unit, or state the unit in a map (--map):"
+        f"\n    [{channel.sensor}]"
+        f'\n    {channel.quantity} = {{ column = "{quoted(column)}", unit = "{unit}" }}'
+        "\n  Where it counts something else, add scale and offset to that line: a value in "
+        f"{unit} is scale times the number, plus offset.",
     )
 
 

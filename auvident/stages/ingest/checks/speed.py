@@ -19,9 +19,9 @@ from auvident.stages.ingest.checks.row import (
 )
 from auvident.stages.ingest.checks.seen import MIN_SPEED_MPS, Seen
 from auvident.stages.ingest.checks.throttle import (
-    PULSES_REMEDY,
     SHARE_REMEDY,
     column_of_rpm,
+    pulses_remedy,
     rest_us,
     share_of_throttle,
 )
@@ -261,7 +261,7 @@ def rpm_by_speed(seen: Seen) -> Verdict:
             f"rpm is {rest:.0f} where the vehicle stands still: microseconds of a throttle's "
             "pulses (PWM), no rate of a propeller",
             rest,
-            PULSES_REMEDY.format(column=column_of_rpm(seen), rest=rest),
+            pulses_remedy(seen, rest),
         )
     return _held_against(seen, "rpm", "speed", GEARS, scaled_speed=False)
 

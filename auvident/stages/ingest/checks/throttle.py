@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from auvident.schema.quoting import quoted
 from auvident.stages.ingest.checks.seen import MIN_SPEED_MPS, Seen
 
 # Pulses of servos and speed controllers last 1000 to 2000 us; 1500, or the shortest, is rest.
@@ -13,14 +14,15 @@ LEAST_WINDOWS, LEAST_SPREAD = 4, 0.05  # steady speeds of several rates tell the
 SURE_STDS = 3.0
 MOST_PERCENT, MOST_SHARE = 100.5, 1.05  # of a full throttle, with some rounding
 
+EXAMPLE_SCALE = 2  # rpm of 1 us, in the line of a map that is offered
 PULSES_REMEDY = (
-    "Log the rate of the propeller, or make one of the pulses in a map (--map): [rpm] rpm = "
-    '{{ column = "{column}", unit = "rpm", scale = S, offset = -S * {rest:.0f} }}, S being the '
-    "rpm of 1 us."
+    "Log the rate of the propeller, or make one of the pulses under [rpm] in a map (--map), e.g. "
+    'where 1 us is 2 rpm: rpm = {{ column = "{column}", unit = "rpm", scale = 2, offset = '
+    "{offset:.0f} }}. The offset is -scale times {rest:.0f}, the pulse at rest."
 )
 SHARE_REMEDY = (
-    'State in a map (--map) what one of it is in rpm: [rpm] rpm = {{ column = "{column}", '
-    'unit = "percent", scale = ... }}.'
+    "State under [rpm] in a map (--map) what one of it is in rpm as scale, e.g. 12.5 rpm: "
+    'rpm = {{ column = "{column}", unit = "percent", scale = 12.5 }}.'
 )
 
 
@@ -71,7 +73,13 @@ def share_of_throttle(seen: Seen) -> str:
     )
 
 
+def pulses_remedy(seen: Seen, rest: float) -> str:
+    """What to do about pulses, of which one rests the vehicle."""
+    column = column_of_rpm(seen)
+    return PULSES_REMEDY.format(column=column, rest=rest, offset=-EXAMPLE_SCALE * round(rest))
+
+
 def column_of_rpm(seen: Seen) -> str:
-    """Name of the column in the log."""
+    """Name of the column in the log, as it stands between quotes in a map."""
     sensor = seen.raw.sensors.get("rpm")
-    return "rpm" if sensor is None else sensor.columns.get("rpm", "rpm")
+    return quoted("rpm" if sensor is None else sensor.columns.get("rpm", "rpm"))
