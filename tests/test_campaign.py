@@ -42,7 +42,7 @@ from auvident.pipeline.pooling import (
 from auvident.pipeline.predict import find_model
 from auvident.report.campaign_page import render_campaign
 from auvident.report.tables import Number
-from auvident.report.tables_campaign import campaign_trials, repeats, summary
+from auvident.report.tables_campaign import campaign_trials, repeats, summary, told_of
 from auvident.schema.artifacts import IdentifiedModel
 from auvident.schema.campaign import (
     Campaign,
@@ -311,6 +311,11 @@ def assert_disagreement_shows(result: CampaignResult, models: dict[str, PooledMo
     assert graded.findall(render_campaign(result, {**models, name: against}))[0] == "fair"
     assert "The trials disagree (p = 2e-39), most in" in summary(against)
     assert "disagree" not in summary(model)
+    assert told_of(result.vehicles[0]).startswith("1 of 1 trial pooled. ")
+    assert "coefficients come mostly from its data." in told_of(result.vehicles[0])
+    none = {"pooled": 0, "trials": 2, "summary": "", "problem": "no trial came to a model"}
+    text = told_of(result.vehicles[0].model_copy(update=none))
+    assert text == "0 of 2 trials pooled: no trial came to a model."
     missing = result.vehicles[0].model_copy(update={"trials": 2})
     result = result.model_copy(update={"vehicles": (missing, *result.vehicles[1:])})
     assert graded.findall(render_campaign(result, models))[0] == "fair"

@@ -69,8 +69,7 @@ def _vehicle(
     return {
         "name": vehicle.title,
         "id": vehicle.title.replace(" ", "-").replace(",", ""),
-        "told": f"{vehicle.pooled} of {vehicle.trials} trials pooled. "
-        + (vehicle.summary or vehicle.problem),
+        "told": tables.told_of(vehicle),
         "grade": _grade(vehicle, model),
         "sentences": [c.sentence for c in found.changes] if found else [],
         "unchanged": tables.no_change(found) if found else "",

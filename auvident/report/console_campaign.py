@@ -38,8 +38,7 @@ def campaign_pieces(result: CampaignResult) -> list[RenderableType]:
     """Trials, what each vehicle's say together and what changed, what to repeat."""
     pieces: list[RenderableType] = [rich_table(tables.campaign_trials(result))]
     for v in result.vehicles:
-        told = v.summary or v.problem
-        pieces.append(Text(f"{v.title}: {v.pooled} of {v.trials} trials pooled. {told}"))
+        pieces.append(Text(f"{v.title}: {tables.told_of(v)}"))
         if v.changes is not None:
             pieces += change_pieces(v.changes)
     if any(v.repeat for v in result.vehicles):

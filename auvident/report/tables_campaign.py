@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from auvident.report.tables import Column, Fixed, Number, Rows, Table, Unit, WithStd, columns
-from auvident.schema.campaign import CampaignResult, CampaignTrial
+from auvident.schema.campaign import CampaignResult, CampaignTrial, CampaignVehicleResult
 from auvident.schema.changes import Changes, LeftOutTrialError, VehicleChange
 from auvident.schema.planes import TRACK
 from auvident.schema.pooled import PooledModel, PooledParameter, PooledTrial
@@ -63,9 +63,20 @@ def summary(model: PooledModel) -> str:
     return f"{seen(model)} The trials disagree (p = {model.pooling.p:.2g}), most in {most}."
 
 
+def told_of(vehicle: CampaignVehicleResult) -> str:
+    """How many trials of a vehicle were pooled, and what they say or why there are not more."""
+    trials = "trial" if vehicle.trials == 1 else "trials"
+    count = f"{vehicle.pooled} of {vehicle.trials} {trials} pooled"
+    if vehicle.problem:
+        return f"{count}: {vehicle.problem}."
+    return f"{count}. {vehicle.summary}".rstrip()
+
+
 def seen(model: PooledModel) -> str:
     """What one trial leaves to the prior, and all together."""
     own = [p for p in model.pooling.parameters if "." not in p.symbol]
+    if sum(t.used for t in model.pooling.trials) == 1:
+        return f"{_mostly(own, 'share')} of {len(own)} coefficients come mostly from its data."
     return (
         f"{_mostly(own, 'share_alone')} of {len(own)} coefficients come mostly from the data of a "
         f"single trial in the mean, {_mostly(own, 'share')} from those of all together."
