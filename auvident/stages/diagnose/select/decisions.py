@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+from auvident.schema.likeness import partners
 from auvident.stages.diagnose.score.left_out import Helped
 from auvident.stages.diagnose.select import rules
 from auvident.stages.diagnose.select.records import Account, Beside, Hiding, Nuisance, ratio_of
@@ -58,8 +59,13 @@ def simplest(judged: Sequence[Judged]) -> list[Judged]:
 
 def told_apart_from(accepted: Account, accounts: Sequence[Account]) -> tuple[str, ...]:
     """Candidates that explain the data as well as the accepted one."""
-    others = (a for a in accounts if a.id != accepted.id)
-    return tuple(a.id for a in others if passes(Beside(accepted, a), rules.ALIKE))
+    found, kin = [], partners(accepted.id)
+    for account in (a for a in accounts if a.id != accepted.id):
+        beside = Beside(accepted, account)
+        alike = account.id in kin and passes(beside, rules.ALIKE_OF_KIND)
+        if alike or passes(beside, rules.ALIKE):
+            found.append(account.id)
+    return tuple(found)
 
 
 def left_to_the_motion(accepted: Account, rivals: Sequence[Account]) -> tuple[str, ...]:

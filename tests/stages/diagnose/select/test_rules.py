@@ -65,6 +65,7 @@ def left_out(**changes: float) -> Helped:
 
 
 SIMPLE = replace(GOOD, id="simple", gain=790.0, parameters=1, helped=None)
+BACKLASH = replace(GOOD, id="rudder_backlash", gain=400.0, parameters=1, helped=None)
 BEHIND = Begun("a", 5, 10.0, 100.0, 60.0, 10.0, 100.0, False)
 # a record that meets every rule of a table, and what makes it fail one rule and no other
 FAILING: dict[str, tuple[Any, dict[str, Any]]] = {
@@ -137,6 +138,14 @@ FAILING: dict[str, tuple[Any, dict[str, Any]]] = {
             "gain": {"other": replace(SIMPLE, gain=703.0)},
             "small": {"other": replace(SIMPLE, size=0.9)},
             "rms": {"other": replace(SIMPLE, rms=(0.01, 0.02, 0.0024))},
+        },
+    ),
+    "ALIKE_OF_KIND": (
+        Beside(replace(GOOD, id="rudder_deadband"), BACKLASH),
+        {
+            "gain": {"other": replace(BACKLASH, gain=266.0)},
+            "small": {"other": replace(BACKLASH, size=0.9)},
+            "rms": {"other": replace(BACKLASH, rms=(0.009, 0.019, 0.00201))},
         },
     ),
     "ALIKE_TO_SENSORS": (
@@ -382,6 +391,13 @@ def test_nothing_is_simpler_than_nothing() -> None:
 )
 def test_what_explains_the_data_as_well_is_not_told_apart(update, alike) -> None:
     assert told_apart_from(GOOD, [GOOD, other("b", **update)]) == alike
+
+
+def test_only_what_looks_alike_is_not_told_apart_by_errors_alone() -> None:
+    """A dead band of 192 nats beside a backlash of 102 that leaves less in every channel."""
+    dead = replace(GOOD, id="rudder_deadband")
+    assert told_apart_from(dead, [dead, BACKLASH]) == ("rudder_backlash",)
+    assert told_apart_from(dead, [dead, replace(BACKLASH, id="cubic_damping")]) == ()
 
 
 SMALL = Refusal("small", "too small to matter in practice")

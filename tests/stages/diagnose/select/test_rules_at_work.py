@@ -502,6 +502,12 @@ SCENARIOS: dict[str, dict[str, Callable[[Patch], Any]]] = {
         code: lambda patch, other=update["other"]: told_apart_from(GOOD, [GOOD, other])
         for code, update in FAILING["ALIKE"][1].items()
     },
+    "ALIKE_OF_KIND": {
+        code: lambda patch, beside=update: told_apart_from(
+            (dead := replace(GOOD, id="rudder_deadband")), [dead, beside["other"]]
+        )
+        for code, update in FAILING["ALIKE_OF_KIND"][1].items()
+    },
     "ALIKE_TO_SENSORS": {
         code: lambda patch, other=update["other"]: left_to_the_motion(GOOD, [other])
         for code, update in FAILING["ALIKE_TO_SENSORS"][1].items()
