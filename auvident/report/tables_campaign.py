@@ -6,12 +6,11 @@ from auvident.report.tables import Column, Fixed, Number, Rows, Table, Unit, Wit
 from auvident.schema.campaign import CampaignResult, CampaignTrial, CampaignVehicleResult
 from auvident.schema.changes import Changes, LeftOutTrialError, VehicleChange
 from auvident.schema.planes import TRACK
-from auvident.schema.pooled import PooledModel, PooledParameter, PooledTrial
+from auvident.schema.pooled import DISAGREE, PooledModel, PooledParameter, PooledTrial
 from auvident.schema.quoting import first_words
 from auvident.schema.spin import share
 
 NO_CHANGE = "No change of the vehicle stands out from chance"
-DISAGREE = 0.01
 SAYS_NOTHING = 0.5  # degrees of freedom: one trial agrees with itself
 REPEATS = "Trials to look at, or to repeat"
 LONGEST = 120  # characters of a reason in a table; ``campaign.json`` and the page have more

@@ -41,6 +41,9 @@ class PooledTrial(Artifact):
     shrunk: dict[str, PooledValue] = {}
 
 
+DISAGREE = 0.01  # probability of so much scatter between trials by chance
+
+
 class PooledParameter(Artifact):
     """What trials say of a coefficient (or of an effect) together.
 

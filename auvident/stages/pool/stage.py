@@ -23,7 +23,14 @@ from auvident.estimation.pooling import (
 )
 from auvident.schema.artifacts import ESTIMATE_CONTRADICTED, Finding
 from auvident.schema.changes import VehicleChange
-from auvident.schema.pooled import PooledModel, PooledParameter, PooledTrial, PooledValue, Pooling
+from auvident.schema.pooled import (
+    DISAGREE,
+    PooledModel,
+    PooledParameter,
+    PooledTrial,
+    PooledValue,
+    Pooling,
+)
 from auvident.stages.pool.again import SETTLED, again
 from auvident.stages.pool.carry import about_common
 from auvident.stages.pool.collect import Collected, PoolTrial, collect, shown, unit_of
@@ -37,7 +44,6 @@ FITS_NONE = 1.0e-3  # probability of so large a distance by chance, over all tri
 FAR = 2.0  # mean square distance of a trial that fits no other, along what it sees
 MOST_LEFT_OUT = 1 / 3  # of the trials
 FEW_TRIALS = 5  # fewer say little of the scatter between trials
-DISAGREE = 0.01  # probability of so much scatter of one of the coefficients by chance
 CLIPPED = 0.1  # of the prior's information that was cut off, from which on it is told
 SHOWN = 5  # names
 FITS_NO_OTHER = "trial-fits-no-other"  # code of a finding

@@ -17,8 +17,8 @@ MOST_PERCENT, MOST_SHARE = 100.5, 1.05  # of a full throttle, with some rounding
 EXAMPLE_SCALE = 2  # rpm of 1 us, in the line of a map that is offered
 PULSES_REMEDY = (
     "Log the rate of the propeller, or make one of the pulses under [rpm] in a map (--map), e.g. "
-    'where 1 us is 2 rpm: rpm = {{ column = "{column}", unit = "rpm", scale = 2, offset = '
-    "{offset:.0f} }}. The offset is -scale times {rest:.0f}, the pulse at rest."
+    'where 1 us is {scale} rpm: rpm = {{ column = "{column}", unit = "rpm", scale = {scale}, '
+    "offset = {offset:.0f} }}. The offset is -scale times {rest:.0f}, the pulse at rest."
 )
 SHARE_REMEDY = (
     "State under [rpm] in a map (--map) what one of it is in rpm as scale, e.g. 12.5 rpm: "
@@ -76,7 +76,8 @@ def share_of_throttle(seen: Seen) -> str:
 def pulses_remedy(seen: Seen, rest: float) -> str:
     """What to do about pulses, of which one rests the vehicle."""
     column = column_of_rpm(seen)
-    return PULSES_REMEDY.format(column=column, rest=rest, offset=-EXAMPLE_SCALE * round(rest))
+    offset = -EXAMPLE_SCALE * round(rest)
+    return PULSES_REMEDY.format(column=column, rest=rest, scale=EXAMPLE_SCALE, offset=offset)
 
 
 def column_of_rpm(seen: Seen) -> str:
