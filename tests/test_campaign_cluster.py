@@ -134,6 +134,40 @@ def test_a_worker_that_is_killed_takes_nothing_with_it(
     assert told == [f"Dask cluster {cluster.scheduler_address}: 2 trials at a time now."]
 
 
+def noted(order: Order) -> JobDone:
+    """Say which process ran it; the second time it lasts."""
+    marker = Path(order.job.arguments[0])
+    again = marker.exists()
+    with marker.open("a") as file:
+        file.write(f"{os.getpid()}\n")
+    time.sleep(2.0 * again)
+    return JobDone(order.job.key, 0, "", 0.0)
+
+
+def test_an_answer_that_dies_with_its_worker_is_no_lost_scheduler(
+    cluster: "LocalCluster", tmp_path: Path
+) -> None:
+    def held(key: str) -> bool:
+        tasks = cluster.scheduler.tasks.values()
+        return any(t.state == "memory" and str(t.key).endswith(f"-{key}") for t in tasks)
+
+    def ran(key: str) -> list[str]:
+        return (tmp_path / key).read_text().split()
+
+    jobs = [Job(k, (str(tmp_path / k),)) for k in "ab"]
+    told: list[str] = []
+    runner = ClusterWorkers(cluster.scheduler_address, tmp_path, told.append, work=noted)
+    running = runner.each(jobs)
+    first = next(running).key
+    second = "b" if first == "a" else "a"
+    until(lambda: held(second))
+    os.kill(int(ran(second)[0]), signal.SIGKILL)
+    until(lambda: len(ran(second)) == 2)
+    assert [(d.key, d.exit_code) for d in running] == [(second, 0)]
+    assert len(ran(second)) == 2
+    assert len(told) == 1, told
+
+
 def test_whoever_gives_up_leaves_no_process_on_the_workers(
     cluster: "LocalCluster", tmp_path: Path
 ) -> None:

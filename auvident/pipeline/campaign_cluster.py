@@ -188,8 +188,11 @@ class ClusterWorkers:
 
         running = as_completed(sent(at_once), loop=client.loop)
         for future in running:
-            if future.status in ("lost", "cancelled"):
+            if future.status == "cancelled":  # with the connection
                 return
+            if future.status == "lost":  # with the worker that held its answer; it runs again
+                running.add(future)
+                continue
             job = jobs.pop(future.key)
             try:
                 done = _ended(job, future)
