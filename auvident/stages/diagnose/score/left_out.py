@@ -124,13 +124,18 @@ def seen_with(case: Case, fitted: Fitted, parameters: Array, colours: Colours) -
         [_blocks(output, r, record) for r, record in zip(residuals, case.records, strict=True)]
         for residuals in (found, with_all)
     )
-    excess = [0.5 * float(b.sum() - o.sum()) for b, o in zip(blocks, own, strict=True)]
+    excess = [_more(b, o) for b, o in zip(blocks, own, strict=True)]
     return LeftOut(parameters, blocks, np.array([_power(r) for r in found]), np.array(excess))
 
 
 def _groups(case: Case) -> list[tuple[Record, ...]]:
     """Maneuvers that are left out together."""
     return [case.records[k::MOST_FITS] for k in range(min(MOST_FITS, len(case.records)))]
+
+
+def _more(blocks: Array, own: Array) -> float:
+    """What a prediction costs more than that of the fit to all; infinite where it runs away."""
+    return 0.5 * float(blocks.sum() - own.sum()) if np.isfinite(blocks).all() else np.inf
 
 
 def _blocks(output: OutputError, found: RecordResidual | None, record: Record) -> Array:

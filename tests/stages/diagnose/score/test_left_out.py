@@ -1,15 +1,19 @@
 """Maneuvers left out in turn take no part in their own prediction."""
 
+import warnings
 from dataclasses import replace
 from functools import cache
 from itertools import product
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 
 from auvident.constants import INDEPENDENT_S
-from auvident.engines.free_run import residual_of, white_error
+from auvident.engines.free_run import OutputError, RecordResidual, residual_of, white_error
 from auvident.engines.map_fit import map_fit
+from auvident.engines.records import Record
 from auvident.stages.diagnose.fit.case import Case
 from auvident.stages.diagnose.fit.fits import TOLERANCE, output_error, prior_of, started
 from auvident.stages.diagnose.score import left_out as module
@@ -62,6 +66,25 @@ def test_what_is_left_out_is_not_looked_at() -> None:
         if k != POISONED:
             assert not np.array_equal(p, expected.parameters[k])  # and the others do look at it
     assert found.blocks[POISONED].sum() > 10.0 * expected.blocks[POISONED].sum()
+
+
+def test_a_maneuver_in_which_every_fit_runs_away_costs_infinitely_more(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    case, fitted = small_case(), small_fit()
+    lost, true = case.records[POISONED], module.residual_of
+
+    def residual(
+        output: OutputError, parameters: npt.NDArray[Any], record: Record
+    ) -> RecordResidual | None:
+        return None if record.id == lost.id else true(output, parameters, record)
+
+    monkeypatch.setattr(module, "residual_of", residual)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = seen_with(case, fitted, left_out().parameters, fitted.colours)
+    others = np.arange(len(case.records)) != POISONED
+    assert np.isposinf(found.excess[POISONED]) and np.isfinite(found.excess[others]).all()
 
 
 def test_every_fit_moves_and_every_maneuver_is_scored() -> None:
