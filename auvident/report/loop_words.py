@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from auvident.constants import NORMAL_95
 from auvident.report.numbers import TERMINAL
+from auvident.schema.confirmed import holds_nothing
 from auvident.schema.diagnosis import (
     Attempt,
     Bound,
@@ -18,7 +19,6 @@ from auvident.schema.diagnosis import (
     ParameterValue,
     ResidualRow,
 )
-from auvident.schema.effect_words import holds_nothing
 from auvident.schema.effects import FAMILIES
 from auvident.schema.loop_statements import TOGETHER, follows, is_limit, largest_fall, seen_last
 

@@ -1,22 +1,24 @@
 """Verdicts of the residual loop in sentences, the same after `diagnose` and after `refine`."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from auvident.schema.artifacts import Verdict
+from auvident.schema.confirmed import is_confirmed, told_of
 from auvident.schema.diagnosis import Attempt, Detectable, EffectFound
-from auvident.schema.effect_words import told_of, words_of
+from auvident.schema.effect_words import words_of
 from auvident.schema.effects import BY_ID
 from auvident.schema.likeness import nested
 
 NAMED_EFFECTS = 4  # told in the statement that nothing was found
 TOGETHER = ("one_off_event",)  # effects of which all sizes have to be exceeded, not one
 # why an effect that was accepted is not claimed after all
-NOT_ADDED, NOT_CONFIRMED = "not-added", "not-confirmed"
+NOT_ADDED, NOT_CONFIRMED, LEANS = "not-added", "not-confirmed", "leans"
 DOUBTS = {
     NOT_ADDED: "a model with it does not predict the maneuvers used for identification better",
     NOT_CONFIRMED: "not confirmed: the interval of its size contains zero, or what it tells from "
     "zero is too small to matter",
+    LEANS: "not confirmed: found beside a stronger effect that is not confirmed",
 }
 
 
@@ -273,23 +275,32 @@ def shown_by_sensors(effects: Sequence[EffectFound]) -> str:
     return f"Logs held against each other show the {listed}, whatever the model."
 
 
-def not_confirmed(effects: Sequence[EffectFound]) -> str:
-    """What a model predicts with although its size is not told from zero; empty for nothing."""
-    return _unconfirmed("Used for prediction", effects)
+def not_confirmed(effects: Sequence[EffectFound], leaning: Collection[str] = ()) -> str:
+    """What a model predicts with although it is not confirmed; empty for nothing.
+
+    ``leaning`` are those that were found beside a stronger one that is not, see `leaning`.
+    """
+    return _unconfirmed("Used for prediction", effects, leaning)
 
 
-def fits_better(effects: Sequence[EffectFound]) -> str:
-    """What a diagnosis fits better with although its size is not told from zero."""
-    return _unconfirmed("Fits the data better", effects)
+def fits_better(effects: Sequence[EffectFound], leaning: Collection[str] = ()) -> str:
+    """What a diagnosis fits better with although it is not confirmed; ``leaning`` as there."""
+    return _unconfirmed("Fits the data better", effects, leaning)
 
 
-def _unconfirmed(serves: str, effects: Sequence[EffectFound]) -> str:
-    if not effects:
-        return ""
-    small = [e for e in effects if told_of(e)]
-    zero = [e for e in effects if e not in small]
+def _unconfirmed(serves: str, effects: Sequence[EffectFound], leaning: Collection[str]) -> str:
+    leans = [e for e in effects if e.id in leaning]
+    small = [e for e in effects if told_of(e) and not is_confirmed(e)]
+    zero = [e for e in effects if told_of(e) == [] and e not in leans]
+    before = [e for e in effects if e not in (*leans, *small, *zero)]
     contain = "its interval contains" if len(zero) == 1 else "the intervals contain"
-    whys = ((zero, f"{contain} zero"), (small, "what is told from zero is too small to matter"))
+    found = "it was" if len(leans) == 1 else "they were"
+    whys = (
+        (zero, f"{contain} zero"),
+        (small, "what is told from zero is too small to matter"),
+        (before, "the diagnosis does not tell a size that matters from zero"),
+        (leans, f"{found} found beside a stronger effect that is not confirmed"),
+    )
     return " ".join(
         f"{serves}, but not confirmed because {why}: {' and '.join(e.plain or e.id for e in some)}."
         for some, why in whys

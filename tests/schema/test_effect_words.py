@@ -6,8 +6,9 @@ from auvident.report import loop_words
 from auvident.report.numbers import TERMINAL
 from auvident.report.tables import written
 from auvident.report.tables_loop import effects
+from auvident.schema.confirmed import holds_nothing
 from auvident.schema.diagnosis import Bound, EffectFound, ParameterValue, ends
-from auvident.schema.effect_words import holds_nothing, is_confirmed, plain
+from auvident.schema.effect_words import plain
 from auvident.schema.effects import BY_ID
 
 
@@ -157,48 +158,3 @@ def test_a_size_that_cannot_be_told_from_none_is_not_in_the_sentence():
     )
     assert plain("roll_coupling", [side, turn], 1.5, 20.0) == "force due to roll (Y_uuphi -13 kg/m)"
     assert "N_uuphi" in plain("roll_coupling", [turn], 1.5, 20.0)  # nothing is told from none
-
-
-ARM = (("dx_m", 0.0975, 0.35, 0.078), ("dy_m", 0.0052, 0.0045, 0.047))
-
-
-@pytest.mark.parametrize(
-    ("sizes", "confirmed"),
-    [
-        (ARM, False),  # odd seed 8153, whose DVL is where its file says: 5 mm abeam are sure
-        ((ARM[0], ("dy_m", 0.052, 0.0045, 0.047)), True),
-        ((("dx_m", 0.0975, 0.05, 0.078), ARM[1]), True),
-        ((("dx_m", 0.0975, 0.35, 0.078), ("dy_m", 0.0052, 0.0060, 0.047)), False),
-        ((("dx_m", 0.0975, 0.35, None), ("dy_m", 0.0052, 0.0045, None)), True),  # older artifact
-    ],
-)
-def test_an_effect_is_confirmed_by_sizes_that_are_told_and_matter(sizes, confirmed) -> None:
-    parameters = tuple(
-        ParameterValue(
-            symbol=symbol,
-            value=value,
-            std=half / 2.0,
-            unit="m",
-            low=value - half,
-            high=value + half,
-            matters_from=matters,
-        )
-        for symbol, value, half, matters in sizes
-    )
-    effect = EffectFound(id="dvl_lever_arm", family="sensing", parameters=parameters)
-    assert is_confirmed(effect) == confirmed
-
-
-@pytest.mark.parametrize(("limit", "confirmed"), [(20.0, True), (90.0, False)])
-def test_a_limit_matters_from_its_practical_size_down(limit, confirmed) -> None:
-    value = ParameterValue(
-        symbol="rate_degps",
-        value=limit,
-        std=0.5,
-        unit="deg/s",
-        low=limit - 1.0,
-        high=limit + 1.0,
-        matters_from=25.0,
-    )
-    effect = EffectFound(id="rudder_rate_limit", family="actuation", parameters=(value,))
-    assert is_confirmed(effect) == confirmed

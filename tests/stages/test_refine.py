@@ -12,12 +12,13 @@ from auvident.engines.carried import Carried, allowed, effect_rows
 from auvident.errors import GateError
 from auvident.physics.terms import structure_of
 from auvident.pipeline import gates
-from auvident.schema.artifacts import Finding, IdentifiedModel, Maneuvers
+from auvident.schema.artifacts import CrossValidation, Finding, IdentifiedModel, Maneuvers
 from auvident.schema.diagnosis import (
     Attempt,
     Candidate,
     ChannelError,
     Comparison,
+    CrossValidated,
     Diagnosis,
     EffectFound,
     HeldOut,
@@ -577,7 +578,13 @@ TAKEN = (Attempt(effects=()), Attempt(effects=("rudder_offset",), ratios={"r": 0
 BESIDE = OFFSET.model_copy(update={"id": "gyro_bias", "parameters": ()})
 
 
-def claimed(value: float, std: float, tried: tuple = TAKEN, **update) -> Comparison:
+def claimed(
+    value: float,
+    std: float,
+    tried: tuple = TAKEN,
+    errors: CrossValidated | None = None,
+    **update,
+) -> Comparison:
     """What is claimed of an offset that a diagnosis found as 1.0 degree (0.8 to 1.2)."""
     found = diagnosis(OFFSET).model_copy(
         update={
@@ -598,7 +605,14 @@ def claimed(value: float, std: float, tried: tuple = TAKEN, **update) -> Compari
         }
     )
     return compare(
-        found, MANEUVERS, model(), refined(value, std), predicted(0), predicted(1), attempts=tried
+        found,
+        MANEUVERS,
+        model(),
+        refined(value, std),
+        predicted(0),
+        predicted(1),
+        attempts=tried,
+        cross_validation=errors,
     )
 
 
@@ -648,6 +662,55 @@ def test_a_doubt_is_nothing_where_the_model_before_leaves_nothing_that_matters(t
     assert (found.verdict, found.effects, found.unexplained) == ("none_found", (), {})
     assert "no known effect explains" not in found.statement
     assert found.candidates[0].rejected
+
+
+def errors(**nrmse: float) -> CrossValidated:
+    rows = {c: CrossValidation(rmse=e, nrmse=e, se=0.01, unit="-") for c, e in nrmse.items()}
+    return CrossValidated(before=rows, after=rows)
+
+
+@pytest.mark.parametrize(
+    ("ratio", "balance", "nrmse", "left"),
+    [
+        (0.4, -0.4, 0.12, ["r"]),  # 0.11 of what r varies by is explained by it
+        (0.4, -0.4, 0.06, []),  # 0.055: too little to matter
+        (0.95, -0.4, 0.12, []),
+        (0.4, -0.15, 0.12, []),  # within two standard errors
+    ],
+)
+def test_a_doubt_that_betters_the_prediction_by_what_matters_is_something(
+    ratio, balance, nrmse, left
+) -> None:
+    """Fifteen retired trials with something planted ended "the model lacks nothing", with effects
+    in doubt that took a third off the errors of what was left out."""
+    taken = TAKEN[1].model_copy(
+        update={"left_out": {"r": ratio}, "balance": balance, "balance_se": 0.1}
+    )
+    found = claimed(
+        0.9, 0.6, (TAKEN[0], taken), errors(u=0.02, r=nrmse), without_effects="none_found"
+    )
+    assert found.verdict == ("unexplained" if left else "none_found")
+    assert found.unexplained.get("channels", []) == left and found.effects == ()
+    if left:
+        assert found.unexplained["nearest"] == "rudder_offset"
+        assert found.statement.startswith("There is a residual that no known effect explains in r;")
+
+
+def test_an_effect_beside_a_stronger_one_in_doubt_is_not_claimed() -> None:
+    bias = BESIDE.model_copy(update={"plain": "a gyro bias"})
+    rows = (
+        Candidate(id="rudder_offset", family="actuation", gain=800.0),
+        Candidate(id="gyro_bias", family="sensing", gain=90.0, beside=("rudder_offset",)),
+    )
+    both = (TAKEN[0], TAKEN[1].model_copy(update={"effects": ("rudder_offset", "gyro_bias")}))
+    found = claimed(0.9, 0.6, both, effects=(OFFSET, bias), candidates=rows)
+    assert found.effects == () and len(found.not_confirmed) == 2
+    assert [c.refusal.code for c in found.candidates if c.refusal] == ["not-confirmed", "leans"]
+    assert "because it was found beside a stronger effect that is not confirmed: a gyro bias." in (
+        found.statement
+    )
+    sure = claimed(1.3, 0.05, both, effects=(OFFSET, bias), candidates=rows)
+    assert [e.id for e in sure.effects] == ["rudder_offset", "gyro_bias"]
 
 
 def test_where_the_model_before_is_kept_nothing_is_claimed() -> None:

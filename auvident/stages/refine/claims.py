@@ -5,9 +5,11 @@ from typing import Any
 
 from auvident.constants import NORMAL_95
 from auvident.schema.artifacts import IdentifiedModel, Verdict
+from auvident.schema.confirmed import is_confirmed, leaning
 from auvident.schema.diagnosis import (
     Attempt,
     Candidate,
+    CrossValidated,
     Diagnosis,
     EffectFound,
     ParameterValue,
@@ -16,10 +18,11 @@ from auvident.schema.diagnosis import (
     keeps,
     left_outside,
 )
-from auvident.schema.effect_words import is_confirmed, plain
+from auvident.schema.effect_words import plain
 from auvident.schema.effects import BY_ID, parameter_of
 from auvident.schema.loop_statements import (
     DOUBTS,
+    LEANS,
     NOT_ADDED,
     NOT_CONFIRMED,
     also_refused,
@@ -30,6 +33,7 @@ from auvident.schema.loop_statements import (
     shown_by_sensors,
     statement,
 )
+from auvident.stages.refine.left_out import bettered
 
 
 def claims_of(
@@ -38,11 +42,13 @@ def claims_of(
     attempts: Sequence[Attempt],
     speed: float,
     rate: float,
+    errors: CrossValidated | None = None,
 ) -> dict[str, Any]:
     """Verdict, statement and effects as the refined model has them, all in its sizes.
 
     An effect stands when some size of it is told from nothing, in the model that was taken. One
     that sensors held against each other show is a fact about the logs, whichever that model is.
+    ``errors`` are those of the maneuvers left out in turn.
     """
     moving = [e.id for e in diagnosis.to_try if BY_ID[e.id].enters != "disturbance"]
     outside = left_outside(moving, attempts)
@@ -50,15 +56,17 @@ def claims_of(
         e if e.id in outside else _with_final_values(e, after, speed, rate)
         for e in diagnosis.to_try
     ]
-    unsure = {e.id for e in diagnosis.not_confirmed}
-    doubts = {e.id: _doubt(e, e.id in outside, unsure) for e in final if e.id in moving}
+    doubts = _doubts([e for e in final if e.id in moving], outside, diagnosis)
     doubted = [e for e in final if doubts.get(e.id)]
+    leans = [id_ for id_, doubt in doubts.items() if doubt == LEANS]
     effects = tuple(e for e in final if e not in doubted)
     groups = tuple(g for g in diagnosis.ambiguous if {e.id for e in effects} & set(g))
-    verdict = _verdict(diagnosis, effects, groups, bool(doubted))
+    helped = bettered(attempts, errors) if doubted else ()
+    verdict = _verdict(diagnosis, effects, groups, bool(doubted), helped)
     unexplained = {} if verdict == "none_found" else dict(diagnosis.unexplained)
     if doubted and verdict == "unexplained":
         unexplained["nearest"] = ", ".join(e.id for e in doubted)
+        unexplained["channels"] = unexplained.get("channels") or list(helped)
     left = diagnosis.remaining
     remaining = remaining_of(verdict, unexplained, left.get("sizes", ()), left.get("nearest"))
     by, sees = diagnosis.separate_by, diagnosis.sees
@@ -66,7 +74,7 @@ def claims_of(
     candidates = (_final_candidate(c, final, doubts.get(c.id, "")) for c in diagnosis.candidates)
     return {
         "verdict": verdict,
-        "statement": _with_doubts(said, effects, doubted, outside, attempts),
+        "statement": _with_doubts(said, effects, doubted, outside, leans, attempts),
         "effects": effects,
         "ambiguous": groups,
         "not_confirmed": tuple(e for e in doubted if e.id not in outside),
@@ -81,6 +89,7 @@ def _with_doubts(
     effects: Sequence[EffectFound],
     doubted: Sequence[EffectFound],
     outside: Collection[str],
+    leans: Collection[str],
     attempts: Sequence[Attempt],
 ) -> str:
     """The statement with what became of the effects that are not claimed, or not in the model."""
@@ -91,7 +100,7 @@ def _with_doubts(
         return _joined(stands, shown, not_added(_refused(named)))
     unsure = [e for e in doubted if e.id not in outside]
     refused = [e for e in doubted if e.id in outside]
-    return _joined(said, not_confirmed(unsure), shown, also_refused(refused))
+    return _joined(said, not_confirmed(unsure, leans), shown, also_refused(refused))
 
 
 def _joined(*texts: str) -> str:
@@ -108,32 +117,44 @@ def _verdict(
     effects: Sequence[EffectFound],
     groups: Sequence[Sequence[str]],
     doubted: bool,
+    helped: Sequence[str],
 ) -> Verdict:
     """The verdict of the diagnosis with the effects that are left of it.
 
     Where none is left it hangs on what the model before leaves: an effect that is not told from
-    nothing, and without which nothing that matters is unexplained, is nothing.
+    nothing, and without which nothing that matters is unexplained, is nothing. Where it betters
+    the prediction by what matters, something is there, by whatever name.
     """
-    if not effects:
-        return diagnosis.without_effects if doubted else diagnosis.verdict
-    if diagnosis.verdict == "ambiguous" and not groups:
+    if not effects and doubted:
+        return "unexplained" if helped else diagnosis.without_effects
+    if effects and diagnosis.verdict == "ambiguous" and not groups:
         return "effect_found"
     return diagnosis.verdict
 
 
-def _doubt(effect: EffectFound, outside: bool, unsure: Collection[str]) -> str:
-    """Why an effect is not claimed, by a code of `DOUBTS`; empty where it is.
+def _doubts(
+    effects: Sequence[EffectFound], outside: Collection[str], diagnosis: Diagnosis
+) -> dict[str, str]:
+    """Why each effect is not claimed, by a code of `DOUBTS`; empty where it is.
 
     Parameters
     ----------
-    outside : bool
-        Whether the model that was taken is without it.
-    unsure : collection of str
-        Effects that the diagnosis did not confirm.
+    outside : collection of str
+        Effects that the model which was taken is without.
     """
+    before = {c.id: c.refusal.code for c in diagnosis.candidates if c.refusal}
+    unsure = {e.id: before.get(e.id, NOT_CONFIRMED) for e in diagnosis.not_confirmed}
+    out = {e.id: _doubt(e, e.id in outside, unsure.get(e.id, "")) for e in effects}
+    standing = [e for e in effects if not out[e.id]]
+    fallen = [id_ for id_, doubt in out.items() if doubt]
+    return out | dict.fromkeys(leaning(standing, fallen, diagnosis.candidates), LEANS)
+
+
+def _doubt(effect: EffectFound, outside: bool, before: str) -> str:
+    """Why an effect is not claimed by itself; ``before`` is why the diagnosis did not."""
     if outside:
         return "" if effect.by_sensors else NOT_ADDED
-    return "" if is_confirmed(effect) and effect.id not in unsure else NOT_CONFIRMED
+    return before or ("" if is_confirmed(effect) else NOT_CONFIRMED)
 
 
 def _final_candidate(candidate: Candidate, effects: Sequence[EffectFound], doubt: str) -> Candidate:

@@ -170,7 +170,8 @@ def compare(
     roles = {m.id: m.role for m in maneuvers.maneuvers}
     held = [name for name in pairs if roles[name] == "validate"]
     own = [name for name in pairs if roles[name] == "identify"]
-    claims = claims_of(diagnosis, named or after, attempts, *cruise_of(predicted_after))
+    cruise = cruise_of(predicted_after)
+    claims = claims_of(diagnosis, named or after, attempts, *cruise, cross_validation)
     held_out, identify = _pooled(held, pairs, rng), _pooled(own, pairs, rng)
     findings = [
         *diagnosis.findings,

@@ -1,7 +1,7 @@
 """Errors of two models in the identifying maneuvers, each left out in turn, side by side."""
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,6 +10,8 @@ import numpy.typing as npt
 
 from auvident.engines.jackknife import LEAST_MANEUVERS
 from auvident.schema.artifacts import LeftOutManeuver, LeftOutSummary
+from auvident.schema.diagnosis import Attempt, CrossValidated
+from auvident.schema.mattering import share_that_matters
 from auvident.schema.planes import PLANE_ROWS, STATES
 
 Array = npt.NDArray[np.float64]
@@ -20,6 +22,7 @@ RISE = 0.02  # share by which an error rises before it is said to: as in the stu
 # A channel that rises by more than this, beyond chance, refuses a model unless what the others
 # gain outweighs it beyond chance as well.
 MUCH = 0.10
+SURELY = 2.0  # standard errors of the balance beyond which a model is surely the better one
 LEAST_SQUARE = 1.0e-18  # least mean square error to compare with
 
 
@@ -160,3 +163,26 @@ def as_told(change: LeftOutChange | None) -> dict[str, Any]:
         "balance": change.balance,
         "balance_se": change.balance_se,
     }
+
+
+def bettered(attempts: Sequence[Attempt], errors: CrossValidated | None) -> tuple[str, ...]:
+    """Channels of which the model taken explains more of what was left out, by what matters.
+
+    Surely by all of them together: what it lacks a name for is there.
+
+    Parameters
+    ----------
+    attempts : sequence of Attempt
+    errors : CrossValidated or None
+        Of the model before, in maneuvers left out in turn.
+    """
+    taken = next((a for a in attempts[1:] if a.taken and not a.unclaimed), None)
+    if taken is None or errors is None or taken.balance is None or taken.balance_se is None:
+        return ()
+    if taken.balance > -SURELY * taken.balance_se:
+        return ()
+    less = {c: math.sqrt(max(1.0 - ratio**2, 0.0)) for c, ratio in taken.left_out.items()}
+    before = {c: errors.before[c].nrmse for c in CHANNELS if c in errors.before}
+    return tuple(
+        c for c, nrmse in before.items() if nrmse * less.get(c, 0.0) > share_that_matters(c)
+    )

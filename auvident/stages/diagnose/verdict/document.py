@@ -1,14 +1,15 @@
 """From the evidence of a diagnosis to its verdict and its artifact."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any
 
 from auvident.schema.artifacts import IdentifiedModel, Verdict
+from auvident.schema.confirmed import is_confirmed, leaning
 from auvident.schema.diagnosis import Candidate, Diagnosis, EffectFound, Refused
-from auvident.schema.effect_words import is_confirmed
 from auvident.schema.likeness import separated_by
 from auvident.schema.loop_statements import (
     DOUBTS,
+    LEANS,
     NOT_CONFIRMED,
     fits_better,
     remaining_of,
@@ -43,8 +44,10 @@ WITH_REMAINDER: tuple[Verdict, ...] = ("unexplained", "partly_explained")
 def diagnosis_of(evidence: Evidence, model: IdentifiedModel) -> Diagnosis:
     """The artifact of a diagnosis."""
     traced, joint = evidence.traced, evidence.traced.rounds[0].joint
-    claimed = accepted(traced)
-    doubted = [e for e in claimed if not is_confirmed(e)]
+    claimed, rows = accepted(traced), candidate_rows(traced.rounds, traced.case)
+    unsure = [e.id for e in claimed if not is_confirmed(e)]
+    leans = leaning(claimed, unsure, rows)
+    doubted = [e for e in claimed if e.id in (*unsure, *leans)]
     effects = [*disturbances(evidence), *(e for e in claimed if e not in doubted)]
     rest, rest_before = (
         remainders(traced.case, fitted, model.length_m)
@@ -69,10 +72,10 @@ def diagnosis_of(evidence: Evidence, model: IdentifiedModel) -> Diagnosis:
     return Diagnosis(
         plane=model.plane,
         verdict=verdict,
-        statement=f"{said} {fits_better(doubted)}".strip(),
+        statement=f"{said} {fits_better(doubted, leans)}".strip(),
         effects=tuple(effects),
         not_confirmed=tuple(doubted),
-        candidates=tuple(_doubting(candidate_rows(traced.rounds, traced.case), doubted)),
+        candidates=tuple(_doubting(rows, unsure, leans)),
         ambiguous=groups,
         unexplained=unexplained,
         remaining=remaining,
@@ -107,11 +110,17 @@ def _listed(effects: Sequence[EffectFound]) -> str:
     return ", ".join(e.id for e in effects)
 
 
-def _doubting(rows: Sequence[Candidate], doubted: Sequence[EffectFound]) -> list[Candidate]:
+def _doubting(
+    rows: Sequence[Candidate], unsure: Collection[str], leans: Collection[str]
+) -> list[Candidate]:
     """Candidates with what became of those that are not confirmed."""
-    update = {"rejected": DOUBTS[NOT_CONFIRMED], "refusal": Refused(code=NOT_CONFIRMED)}
-    out = {e.id for e in doubted}
-    return [c.model_copy(update=update) if c.id in out and not c.rejected else c for c in rows]
+    codes = dict.fromkeys(unsure, NOT_CONFIRMED) | dict.fromkeys(leans, LEANS)
+    return [_doubting_of(c, codes.get(c.id, "")) if not c.rejected else c for c in rows]
+
+
+def _doubting_of(row: Candidate, code: str) -> Candidate:
+    update = {"rejected": DOUBTS[code], "refusal": Refused(code=code)} if code else {}
+    return row.model_copy(update=update)
 
 
 def _false_alarm_p(traced: Traced, effects: Sequence[EffectFound]) -> float | None:

@@ -11,6 +11,7 @@ from auvident.schema.artifacts import Verdict
 from auvident.schema.diagnosis import EffectFound
 from auvident.schema.effects import BY_ID
 from auvident.schema.likeness import nested
+from auvident.schema.mattering import share_that_matters
 from auvident.schema.planes import Plane
 from auvident.stages.diagnose.checks.events import Event
 from auvident.stages.diagnose.checks.waves import Wave
@@ -28,16 +29,9 @@ Array = npt.NDArray[np.float64]
 FREE_HELPS = 2.0
 BEATEN = 1.08  # a free force that gains so many times what the named effect does beats it
 DVL_NOISES = 3.0  # a residual beyond it means something is left
-# ... which matters to a prediction from this share of the standard deviation on. The hull of seed
-# 818 lacks nothing; its sway is off by 3.1 times the noise of a good DVL, 2 % of what it varies,
-# and its held-out maneuvers are predicted to 4 %.
-VELOCITY_NRMSE = 0.05
-# ... and one of the rate beyond this share of the rate's standard deviation. Turbulence stirs pitch
-# as it does yaw, but a dive pitches at a third of the rate that a turn has: six dives with nothing
-# missing, or with all of it found, left 0.04 to 0.08.
-RATE_NRMSE: dict[Plane, float] = {"horizontal": 0.06, "vertical": 0.12}
-# [L] ... or of the rate on a path of this radius: in a straight run or a steady turn alone the rate
-# varies by little more than turbulence stirs it (`harbour_trial`: 0.8 and 0.2 of it are left)
+# [L] It matters by the share of what the channel varies (`share_that_matters`), or of the rate on a
+# path of this radius: in a straight run or a steady turn alone the rate varies by little more than
+# turbulence stirs it (`harbour_trial`: 0.8 and 0.2 of it are left)
 GENTLE: dict[Plane, float] = {"horizontal": 10.0, "vertical": 30.0}
 
 
@@ -168,11 +162,13 @@ def remainders(case: Case, fitted: Fitted, length_m: float) -> list[Remainder]:
     rms[2] = np.sqrt(max(rms[2] ** 2 - noise[2] ** 2, 0.0))
     shares = rms / _variation(case, length_m)
     velocities = [
-        Remainder(name, float(noises[c]), float(shares[c]), bool(shares[c] > VELOCITY_NRMSE))
+        Remainder(
+            name, float(noises[c]), float(shares[c]), bool(shares[c] > share_that_matters(name))
+        )
         for c, name in enumerate(case.channels[:2])
         if noises[c] > DVL_NOISES
     ]
-    if shares[2] <= RATE_NRMSE[case.plane.name]:
+    if shares[2] <= share_that_matters(case.channels[2]):
         return velocities
     return [*velocities, Remainder(case.channels[2], float(noises[2]), float(shares[2]), True)]
 

@@ -10,6 +10,7 @@ import pytest
 
 from auvident.schema.diagnosis import Diagnosis
 from auvident.schema.effects import parameter_of
+from auvident.schema.mattering import share_that_matters
 from auvident.stages.diagnose.checks.waves import Wave
 from auvident.stages.diagnose.fit.fits import first_colours, fit_with, log_gain
 from auvident.stages.diagnose.score.first_order import joint_about
@@ -23,8 +24,6 @@ from auvident.stages.diagnose.verdict import effects
 from auvident.stages.diagnose.verdict.carried import carried
 from auvident.stages.diagnose.verdict.document import _remainder, diagnosis_of
 from auvident.stages.diagnose.verdict.evidence import (
-    RATE_NRMSE,
-    VELOCITY_NRMSE,
     Evidence,
     remainders,
 )
@@ -171,7 +170,7 @@ def test_a_straight_run_alone_is_not_blamed_for_the_rate_it_does_not_have() -> N
     fitted = fit_with(alone, (), p, first_colours(alone, p))
     assert fitted is not None
     rate = float(np.nanstd(straight.measured[:, 2]))
-    assert fitted.rms[2] > RATE_NRMSE["horizontal"] * rate
+    assert fitted.rms[2] > share_that_matters("r") * rate
     length = loop("harbour_trial").model.length_m
     assert remainders(alone, fitted, length) == []
     left = remainders(alone, replace(fitted, rms=5.0 * fitted.rms), length)
@@ -184,7 +183,7 @@ def test_a_remainder_beyond_a_good_sensor_is_nothing_where_a_prediction_is_none_
     case, before = whole.traced.case, whole.traced.baseline
     varies = np.nanstd(np.concatenate([r.measured[:, 1] for r in case.records]))
     noise, rms = case.setup.sensor_std.copy(), before.rms.copy()
-    rms[1] = 0.6 * VELOCITY_NRMSE * varies
+    rms[1] = 0.6 * share_that_matters("v") * varies
     noise[1] = rms[1] / 5.0
     quiet = replace(case, setup=replace(case.setup, sensor_std=noise))
     fitted = replace(before, rms=rms)
