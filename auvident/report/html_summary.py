@@ -74,7 +74,7 @@ def summary(data: ReportData) -> list[tuple[str, Lines]]:
         ("Verdict", told),
         ("Use it for", _range(data)),
         ("Not for", _not_for(data)),
-        ("It lacked", _lacked(data)),
+        (_lacking(data), _lacked(data)),
         ("What remains", _remains(data)),
         ("Fly next", _next(data)),
     ]
@@ -245,6 +245,13 @@ def _on_prior(data: ReportData) -> Lines:
     return [f"{what} ({', '.join(symbols)})" for what, symbols in groups.items()]
 
 
+def _lacking(data: ReportData) -> str:
+    """The word beside the effects: of what is in doubt alone it is not said that it lacked it."""
+    found = data.comparison or data.diagnosis
+    doubted = found is not None and found.not_confirmed and not found.effects
+    return "It may lack" if doubted else "It lacked"
+
+
 def _lacked(data: ReportData) -> Lines:
     """Each effect with its size, and what all of them did to the held-out errors."""
     found = data.comparison or data.diagnosis
@@ -345,7 +352,10 @@ def _remains(data: ReportData) -> Lines:
     """An unexplained residual, and the findings to look at."""
     found = data.comparison or data.diagnosis
     lines = list(words.unexplained_lines(found.unexplained)) if found else []
-    lines = ["Unexplained residual: " + " ".join(lines)] if lines else []
+    if found is not None and lines:
+        doubted = isinstance(found, Comparison) and found.not_confirmed and not found.effects
+        where = "Without what is not confirmed an" if doubted else "An"
+        lines = [" ".join([f"{where} unexplained residual.", *lines])]
     if found is not None and not found.unexplained:
         lines.append("No residual that calls for another effect.")
     coloured = not_white(data.final_tests)

@@ -10,6 +10,7 @@ from auvident.schema.effects import BY_ID, parameter_of
 # Of 390 effects claimed on retired odd seeds 18 had sizes that were told below a whole one: two
 # lever arms of 0.11 and 0.25 that were none, sixteen of 0.41 and more, of which most were real.
 LEAST_TOLD = 1.0 / 3.0
+STRONGER = 1.1  # times the gain of another makes an effect clearly the stronger one
 
 
 def holds_nothing(effect: str, p: ParameterValue) -> bool:
@@ -60,7 +61,7 @@ def _in_practical_sizes(effect: str, p: ParameterValue) -> float | None:
 def leaning(
     effects: Sequence[EffectFound], unsure: Collection[str], candidates: Sequence[Candidate]
 ) -> set[str]:
-    """Effects that were found beside a stronger one which does not stand, or itself leans so.
+    """Effects that were found beside a clearly stronger one which does not stand, or leans so.
 
     They explain what that one left over, and without it there is no telling what they would
     explain. What sensors show by themselves leans on nothing.
@@ -80,6 +81,6 @@ def leaning(
         if own is None or effect.by_sensors:
             continue
         leaders = (rows[id_] for id_ in own.beside if id_ in fallen and id_ in rows)
-        if any(leader.gain > own.gain for leader in leaders):
+        if any(leader.gain > STRONGER * own.gain for leader in leaders):
             fallen.add(effect.id)
     return fallen - set(unsure)

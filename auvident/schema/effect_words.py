@@ -72,9 +72,12 @@ class Told(float):
     def __format__(self, spec: str) -> str:
         if "|" in spec:
             return spec.split("|")[self < 0.0]
-        value = abs(float(self)) if spec.startswith("abs") else float(self)
-        text = format(value, spec.removeprefix("abs"))
-        return (BOUNDS[self.bound] if self.bound else "") + text
+        side = BOUNDS[self.bound] if self.bound else ""
+        if not spec.startswith("abs"):
+            return side + format(float(self), spec)
+        if self < 0.0 and self.bound:  # no more than -1 is at least 1 the other way
+            side = next(said for bound, said in BOUNDS.items() if bound != self.bound)
+        return side + format(abs(float(self)), spec.removeprefix("abs"))
 
     def times(self, factor: float) -> "Told":
         """The value in another unit, by a factor above zero."""

@@ -278,8 +278,13 @@ EFFECTS: tuple[Effect, ...] = (
     ), "v + r dx, u - r dy; w - q dx, u + q dz",
         "u differs in port and starboard turns (dy), while pitching up and down (dz)", (), SENSOR,
         words=(
-            "a DVL {dx_m:.2f} m forward and {dy_m:.2f} m to starboard of its stated position",
-            "a DVL {dx_m:.2f} m forward of and {dz_m:.2f} m below its stated position",
+            "a DVL {dx_m:abs.2f} m {dx_m:forward|aft} and {dy_m:abs.2f} m to "
+            "{dy_m:starboard|port} of its stated position",
+            "a DVL {dx_m:abs.2f} m {dx_m:forward|aft} of and {dz_m:abs.2f} m {dz_m:below|above} "
+            "its stated position",
+            "a DVL {dx_m:abs.2f} m {dx_m:forward|aft} of its stated position",
+            "a DVL {dy_m:abs.2f} m to {dy_m:starboard|port} of its stated position",
+            "a DVL {dz_m:abs.2f} m {dz_m:below|above} its stated position",
         ),
         shows=("u differs in port and starboard turns (dy)",
                "u differs while pitching up and down (dz)")),

@@ -164,6 +164,23 @@ def test_what_may_be_chance_and_what_got_worse_is_said(data: ReportData) -> None
     assert worse == {"r"} and not any(c["worse_by_effects"] for c in cards(data))
 
 
+def test_of_what_is_in_doubt_alone_it_is_not_said_that_the_model_lacked_it(
+    data: ReportData,
+) -> None:
+    assert data.comparison
+    doubt = {
+        "verdict": "unexplained",
+        "effects": (),
+        "not_confirmed": data.comparison.effects,
+        "unexplained": {"nearest": "current", "channels": ["u"], "correlates": []},
+    }
+    rows = dict(summary(replace(data, comparison=data.comparison.model_copy(update=doubt))))
+    assert "It lacked" not in rows and ", not confirmed" in rows["It may lack"][0]
+    assert rows["What remains"][0].startswith(
+        "Without what is not confirmed an unexplained residual. Closest of the listed effects"
+    )
+
+
 def test_without_a_compass_a_current_has_no_north(data: ReportData) -> None:
     assert data.comparison
     (current,) = data.comparison.effects

@@ -58,8 +58,13 @@ def test_without_a_compass_a_direction_counts_from_the_bow() -> None:
         ),
         (
             "dvl_lever_arm",
-            [("dx_m", 1.0, "at least"), ("dy_m", 0.1, None)],
-            "a DVL at least 1.00 m forward and 0.10 m to starboard of its stated position",
+            [("dx_m", 1.0, "at least"), ("dy_m", 0.9, None)],
+            "a DVL at least 1.00 m forward and 0.90 m to starboard of its stated position",
+        ),
+        (
+            "dvl_lever_arm",
+            [("dx_m", -1.0, "at most"), ("dy_m", -0.9, None)],
+            "a DVL at least 1.00 m aft and 0.90 m to port of its stated position",
         ),
         (
             "current",
@@ -157,4 +162,10 @@ def test_a_size_that_cannot_be_told_from_none_is_not_in_the_sentence():
         at("roll_coupling.N_uuphi", 4.8, half=9.8),
     )
     assert plain("roll_coupling", [side, turn], 1.5, 20.0) == "force due to roll (Y_uuphi -13 kg/m)"
+    arm, abeam = (
+        at("dvl_lever_arm.dx_m", -0.3, half=0.1),
+        at("dvl_lever_arm.dy_m", -0.003, half=0.07),
+    )
+    said = plain("dvl_lever_arm", [arm, abeam], 1.5, 20.0)
+    assert said == "a DVL 0.30 m aft of its stated position"
     assert "N_uuphi" in plain("roll_coupling", [turn], 1.5, 20.0)  # nothing is told from none

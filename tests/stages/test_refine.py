@@ -674,7 +674,7 @@ def errors(**nrmse: float) -> CrossValidated:
     [
         (0.4, -0.4, 0.12, ["r"]),  # 0.11 of what r varies by is explained by it
         (0.4, -0.4, 0.06, []),  # 0.055: too little to matter
-        (0.95, -0.4, 0.12, []),
+        (0.8, -0.4, 0.12, []),  # 0.07, and hardly better
         (0.4, -0.15, 0.12, []),  # within two standard errors
     ],
 )
@@ -682,7 +682,7 @@ def test_a_doubt_that_betters_the_prediction_by_what_matters_is_something(
     ratio, balance, nrmse, left
 ) -> None:
     """Fifteen retired trials with something planted ended "the model lacks nothing", with effects
-    in doubt that took a third off the errors of what was left out."""
+    in doubt that took up to two thirds off an error of what was left out."""
     taken = TAKEN[1].model_copy(
         update={"left_out": {"r": ratio}, "balance": balance, "balance_se": 0.1}
     )
