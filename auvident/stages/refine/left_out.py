@@ -24,8 +24,8 @@ RISE = 0.02  # share by which an error rises before it is said to: as in the stu
 MUCH = 0.10
 SURELY = 2.0  # standard errors of the balance beyond which a model is surely the better one
 # ... and the error over that of the model before with which a channel is clearly predicted better.
-# Healthy hulls have damping of other forms: of even seeds 62200 on one in seven has an effect in
-# doubt that takes 1 to 9 % off, and one in thirteen what takes more than a quarter.
+# Healthy hulls have damping of other forms: of 39 (even seeds from 62200 on) five end with an
+# effect in doubt, of which four take little off, or not surely.
 CLEARLY = 0.75
 LEAST_SQUARE = 1.0e-18  # least mean square error to compare with
 
