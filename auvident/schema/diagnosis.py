@@ -185,7 +185,7 @@ class Diagnosis(Artifact):
     ``steps`` tells in order what was added, tested and removed. ``carried`` has the internal values
     (``start``) of all effects that a refined model takes along, and ``prior`` and ``prior_std`` of
     those estimated again. ``not_confirmed`` are effects that fit better although the intervals of
-    their sizes contain zero: a refinement tries them too. ``unexplained`` has ``correlates`` (axis,
+    their sizes contain zero, or that were found beside such a one: a refinement tries them too. ``unexplained`` has ``correlates`` (axis,
     regressor, gain), ``nearest`` and ``channels`` where something is left; ``remaining`` has its
     ``channels`` and ``correlates`` where effects stand beside it, and its ``sizes`` against noise
     and variation, there and where it is too little to matter. ``without_effects`` is the verdict
@@ -357,7 +357,8 @@ class Comparison(Artifact):
     """``refine/comparison.json``.
 
     ``effects`` are those that the refined model confirms, with the sizes it ends at;
-    ``not_confirmed`` those that it predicts with although their intervals hold zero.
+    ``not_confirmed`` those that it predicts with although their intervals hold zero, or that were
+    found beside such a one.
     ``attempts`` are empty where there was nothing to add. ``unexplained_force`` is a force
     without a name, where it was asked for: verdict and effects are those without it. ``coverage``
     is that of the band of the refined model.
