@@ -185,11 +185,12 @@ class Diagnosis(Artifact):
     ``steps`` tells in order what was added, tested and removed. ``carried`` has the internal values
     (``start``) of all effects that a refined model takes along, and ``prior`` and ``prior_std`` of
     those estimated again. ``not_confirmed`` are effects that fit better although the intervals of
-    their sizes contain zero, or that were found beside such a one: a refinement tries them too. ``unexplained`` has ``correlates`` (axis,
-    regressor, gain), ``nearest`` and ``channels`` where something is left; ``remaining`` has its
-    ``channels`` and ``correlates`` where effects stand beside it, and its ``sizes`` against noise
-    and variation, there and where it is too little to matter. ``without_effects`` is the verdict
-    if no effect stands in the end: whether the model before leaves anything that matters.
+    their sizes contain zero, or that were found beside such a one: a refinement tries them too.
+    ``unexplained`` has ``correlates`` (axis, regressor, gain), ``nearest`` and ``channels`` where
+    something is left; ``remaining`` has its ``channels`` and ``correlates`` where effects stand
+    beside it, and its ``sizes`` against noise and variation, there and where it is too little to
+    matter. ``without_effects`` is the verdict if no effect stands in the end: whether the model
+    before leaves anything that matters.
     ``false_alarm_p`` is the ``p`` of the effect that was accepted first, None where none was.
     """
 
