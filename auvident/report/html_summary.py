@@ -247,9 +247,12 @@ def _on_prior(data: ReportData) -> Lines:
 
 def _lacking(data: ReportData) -> str:
     """The word beside the effects: of what is in doubt alone it is not said that it lacked it."""
-    found = data.comparison or data.diagnosis
-    doubted = found is not None and found.not_confirmed and not found.effects
-    return "It may lack" if doubted else "It lacked"
+    return "It may lack" if _in_doubt(data.comparison or data.diagnosis) else "It lacked"
+
+
+def _in_doubt(found: Diagnosis | Comparison | None) -> bool:
+    """Whether something was found, and none of it is confirmed."""
+    return found is not None and bool(found.not_confirmed) and not found.effects
 
 
 def _lacked(data: ReportData) -> Lines:
@@ -352,9 +355,8 @@ def _remains(data: ReportData) -> Lines:
     """An unexplained residual, and the findings to look at."""
     found = data.comparison or data.diagnosis
     lines = list(words.unexplained_lines(found.unexplained)) if found else []
-    if found is not None and lines:
-        doubted = isinstance(found, Comparison) and found.not_confirmed and not found.effects
-        where = "Without what is not confirmed an" if doubted else "An"
+    if lines:
+        where = "Without what is not confirmed an" if _in_doubt(found) else "An"
         lines = [" ".join([f"{where} unexplained residual.", *lines])]
     if found is not None and not found.unexplained:
         lines.append("No residual that calls for another effect.")

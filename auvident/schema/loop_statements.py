@@ -278,7 +278,7 @@ def shown_by_sensors(effects: Sequence[EffectFound]) -> str:
 def not_confirmed(effects: Sequence[EffectFound], leaning: Collection[str] = ()) -> str:
     """What a model predicts with although it is not confirmed; empty for nothing.
 
-    ``leaning`` are those that were found beside a stronger one that is not, see `leaning`.
+    ``leaning`` are those found beside a stronger one that is not, see `confirmed.leaning`.
     """
     return _unconfirmed("Used for prediction", effects, leaning)
 
@@ -290,7 +290,7 @@ def fits_better(effects: Sequence[EffectFound], leaning: Collection[str] = ()) -
 
 def _unconfirmed(serves: str, effects: Sequence[EffectFound], leaning: Collection[str]) -> str:
     leans = [e for e in effects if e.id in leaning]
-    small = [e for e in effects if told_of(e) and not is_confirmed(e)]
+    small = [e for e in effects if told_of(e) and not is_confirmed(e) and e not in leans]
     zero = [e for e in effects if told_of(e) == [] and e not in leans]
     before = [e for e in effects if e not in (*leans, *small, *zero)]
     contain = "its interval contains" if len(zero) == 1 else "the intervals contain"

@@ -26,6 +26,7 @@ from auvident.schema.diagnosis import (
     ends,
 )
 from auvident.schema.effects import BY_ID
+from auvident.schema.loop_statements import not_confirmed
 from auvident.stages.identify.setup import prepare
 from auvident.stages.refine import along, carried_of, choose, compare
 from auvident.stages.refine.attempts import (
@@ -709,6 +710,9 @@ def test_an_effect_beside_a_stronger_one_in_doubt_is_not_claimed() -> None:
     assert "because it was found beside a stronger effect that is not confirmed: a gyro bias." in (
         found.statement
     )
+    small = OFFSET.parameters[0].model_copy(update={"matters_from": 5.0})
+    little = OFFSET.model_copy(update={"plain": "an offset", "parameters": (small,)})
+    assert not_confirmed([little], [OFFSET.id]).count("an offset") == 1  # told once
     sure = claimed(1.3, 0.05, both, effects=(OFFSET, bias), candidates=rows)
     assert [e.id for e in sure.effects] == ["rudder_offset", "gyro_bias"]
 
