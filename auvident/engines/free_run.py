@@ -106,6 +106,10 @@ class OutputError:
         column = np.full(len(self.frame.structure.parameters), -1, dtype=np.int64)
         return Free(NOTHING, column, np.zeros(0))
 
+    def at(self, p: Array, free: Free | None = None) -> At:
+        """The prediction at p, which all records share; no parameter moves unless told."""
+        return At(self.frame, p, self.no_parameter if free is None else free)
+
 
 @dataclass(frozen=True)
 class Innovations:
@@ -180,24 +184,22 @@ def white_error(error: Array, colours: Colours, dt_s: float) -> Array:
     return white[:, 0].reshape(len(colours), len(error)).T
 
 
-def innovations(output: OutputError, p: Array, record: Record, free: Free) -> Innovations | None:
-    """Innovations of a record at p with their slopes; None where the prediction runs away."""
-    frame, channels = output.frame, output.channels
-    found = readings_with_slopes(frame, p, record, output.active, free, output.gain)
+def innovations(output: OutputError, at: At, record: Record) -> Innovations | None:
+    """Innovations of a record with their slopes; None where the prediction runs away."""
+    channels, dt_s = output.channels, output.frame.dt_s
+    found = readings_with_slopes(at, record, output.active, output.gain)
     if found is None:
         return None
-    seen = seen_rows(frame, p, record, output.active)
-    columns = np.concatenate([channels, N_STATES + np.arange(len(free.positions))])
+    seen = seen_rows(at, record, output.active)
+    columns = np.concatenate([channels, N_STATES + np.arange(len(at.free.positions))])
     error = found.readings - record.measured
-    white = white_columns(error, found.slopes, columns, seen, channels, output.colours, frame.dt_s)
+    white = white_columns(error, found.slopes, columns, seen, channels, output.colours, dt_s)
     return Innovations(found, seen, white)
 
 
-def finite_innovations(
-    output: OutputError, p: Array, record: Record, free: Free
-) -> Innovations | None:
+def finite_innovations(output: OutputError, at: At, record: Record) -> Innovations | None:
     """As `innovations`; None as well where the motion is nearly lost."""
-    found = innovations(output, p, record, free)
+    found = innovations(output, at, record)
     lost = found is None or not accumulated.all_within(found.white, LARGEST**0.5)
     return None if lost else found
 
@@ -250,7 +252,7 @@ def normal_equations(output: OutputError, p: Array, record: Record, free: Free) 
         Half the squared error; gradient and Gauss-Newton curvature by the free parameters, in
         units of their scale.
     """
-    return _normal_equations(output, At(output.frame, p, free), _whitening(output), record)
+    return _normal_equations(output, output.at(p, free), _whitening(output), record)
 
 
 def _normal_equations(
@@ -287,7 +289,8 @@ def knowing(output: OutputError, p: Array, free: Free) -> OutputError:
     Fits to some of the records each that begin at p, with the same parameters free, find the same
     there again and again.
     """
-    parts = each(lambda r: normal_equations(output, p, r, free), output.records, len)
+    at, whitening = output.at(p, free), _whitening(output)
+    parts = each(lambda r: _normal_equations(output, at, whitening, r), output.records, len)
     keys = [_key(record, p) for record in output.records]
     return replace(output, known=dict(zip(keys, parts, strict=True)))
 
@@ -298,8 +301,7 @@ def _key(record: Record, p: Array) -> tuple[str, bytes]:
 
 def likelihood(output: OutputError, p: Array, free: Free) -> Normal:
     """Half the squared error of all records at p, gradient and curvature; see `summed`."""
-
-    at, whitening = At(output.frame, p, free), _whitening(output)
+    at, whitening = output.at(p, free), _whitening(output)
 
     def part(record: Record) -> Normal | None:
         key = _key(record, p)
@@ -354,9 +356,15 @@ class RecordResidual:
     least: float
 
 
-def residual_of(output: OutputError, p: Array, record: Record) -> RecordResidual | None:
-    """What the prediction leaves of a record, its start fitted; None where it runs away."""
-    found = finite_innovations(output, p, record, output.no_parameter)
+def residual_of(output: OutputError, at: At, record: Record) -> RecordResidual | None:
+    """What the prediction leaves of a record, its start fitted; None where it runs away.
+
+    Parameters
+    ----------
+    at : At
+        No parameter moves.
+    """
+    found = finite_innovations(output, at, record)
     if found is None:
         return None
     there, (start, gained) = found.predicted, _taken_up(output, record, found)
@@ -379,7 +387,8 @@ def _cost_of(output: OutputError, record: Record, found: Innovations) -> float:
 
 def residuals_of(output: OutputError, p: Array) -> tuple[RecordResidual, ...] | None:
     """Residuals of all records; None where one runs away."""
-    found = each(lambda record: residual_of(output, p, record), output.records, len)
+    at = output.at(p)
+    found = each(lambda record: residual_of(output, at, record), output.records, len)
     whole = tuple(residual for residual in found if residual is not None)
     return whole if len(whole) == len(found) else None
 
@@ -409,16 +418,16 @@ def well_started(
     residuals : sequence of RecordResidual
         What is left at p with this noise, where that is known already.
     """
-    found: Sequence[RecordResidual | None] = residuals
-    found = found or each(lambda r: residual_of(output, p, r), output.records, len)
+    at, found = output.at(p), list[RecordResidual | None](residuals)
+    found = found or each(lambda r: residual_of(output, at, r), output.records, len)
     records = [
-        record if left is None else _begun(output, p, record, left)
+        record if left is None else _begun(output, at, record, left)
         for record, left in zip(output.records, found, strict=True)
     ]
     return replace(output, records=tuple(records), known={})
 
 
-def _begun(output: OutputError, p: Array, record: Record, left: RecordResidual) -> Record:
+def _begun(output: OutputError, at: At, record: Record, left: RecordResidual) -> Record:
     """A record at its best start; a part of the way or none where the whole leads too far."""
     if left.least > FAR * np.isfinite(left.error).sum():
         return beginning_at(record, left.moved)
@@ -427,11 +436,11 @@ def _begun(output: OutputError, p: Array, record: Record, left: RecordResidual) 
     if (np.abs(left.away[: len(near)]) <= near).all():
         return whole
     part = beginning_at(record, left.moved + PART * left.away)
-    better = (m for m in (whole, part) if _cost_from(output, p, m) < left.cost)
+    better = (m for m in (whole, part) if _cost_from(output, at, m) < left.cost)
     return next(better, beginning_at(record, left.moved))
 
 
-def _cost_from(output: OutputError, p: Array, record: Record) -> float:
+def _cost_from(output: OutputError, at: At, record: Record) -> float:
     """What the prediction from where a record begins costs; infinite where it runs away."""
-    left = residual_of(output, p, record)
+    left = residual_of(output, at, record)
     return np.inf if left is None else left.cost

@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from auvident.engines.accumulated import Sees, place_slopes
 from auvident.engines.problem import Linear
-from auvident.engines.records import Record, Source
+from auvident.engines.records import Record
 from auvident.engines.smoothing import smoothed
 from auvident.physics import readings as whole
 from auvident.physics import sensing as sense
@@ -147,6 +147,12 @@ class At:
         return self.frame.command_effects(self.p)
 
     @cached_property
+    def angle_is_as_read(self) -> bool:
+        """Whether the angle has no bias and no scale."""
+        e = self.reading_effects
+        return not (e[sense.PITCH_BIAS] or e[sense.PITCH_SCALE])
+
+    @cached_property
     def moves(self) -> "Moves":
         """The free effects on the inputs.
 
@@ -218,47 +224,65 @@ def ran_away_remedy(dt_s: float) -> str:
 
 def at_effects(frame: Frame, p: Array, record: Record) -> Record:
     """The record as the effects at p make it: acting inputs, states behind the readings."""
-    return _acting(At(frame, p, NOTHING_FREE), record, NO_MOVES)[0]
+    at = At(frame, p, NOTHING_FREE)
+    inputs, start = _inputs(at, record, NO_MOVES)[0], _start(at, record)
+    return replace(record, inputs=inputs, given=_behind(at, record), start=start)
 
 
-def _acting(at: At, record: Record, moves: Moves) -> tuple[Record, Array]:
-    """The record as the effects make it, and slopes (n, l, k) of its first inputs."""
-    source, frame = record.source, at.frame
-    if source is None or not frame.structure.effects:
-        return record, np.zeros((len(record.time_s), 0, len(moves.columns)))
-    e = at.reading_effects
-    behind = whole.states_behind(
+def _without_effects(at: At, record: Record) -> bool:
+    """Whether a record is taken as it is logged."""
+    return record.source is None or not at.frame.structure.effects
+
+
+def _behind(at: At, record: Record) -> Array:
+    """States (n, 4) behind the readings."""
+    frame, source = at.frame, record.source
+    if source is None or _without_effects(at, record):
+        return record.given
+    return whole.states_behind(
         frame.structure.plane,
         frame.sensing,
-        e,
+        at.reading_effects,
         source.bridged,
         source.rates,
         frame.dt_s,
         source.from_middle_s,
         source.heading,
     )
-    inputs, slopes = _inputs(frame, at.command_effects, record, source, moves)
-    start = _start(frame, e, record, source)
-    return replace(record, inputs=inputs, given=behind, start=start), slopes
 
 
-def _start(frame: Frame, e: Array, record: Record, source: Source) -> Array:
+def _followed(at: At, record: Record, active: Array, gain: Array | None) -> Array:
+    """States (n, 4) behind the readings, of which inactive ones and the gain are used.
+
+    Where that is the angle alone, which no effect of a sensor changes, those without effects do.
+    """
+    is_free = gain is None and active[0] and active[1] and active[2]
+    return record.given if is_free and at.angle_is_as_read else _behind(at, record)
+
+
+def _start(at: At, record: Record) -> Array:
     """State (4,) at the start; what a fit moved it by stays."""
-    plane = frame.structure.plane
-    middle, heading = (None if x is None else x[:1] for x in (source.from_middle_s, source.heading))
-    args = (source.start[None], source.rates[:1], frame.dt_s, middle, heading)
-    here, without = (
-        whole.states_behind(plane, frame.sensing, values, *args)[0]
-        for values in (e, np.zeros_like(e))
+    frame, source = at.frame, record.source
+    if source is None or _without_effects(at, record):
+        return record.start
+    return whole.start_behind(
+        frame.structure.plane,
+        frame.sensing,
+        at.reading_effects,
+        record.start,
+        source.start,
+        source.rates,
+        frame.dt_s,
+        source.from_middle_s,
+        source.heading,
     )
-    start: Array = record.start + here - without
-    return start
 
 
-def _inputs(
-    frame: Frame, e: Array, record: Record, source: Source, moves: Moves
-) -> tuple[Array, Array]:
-    """Inputs (n, 15) that act, and slopes (n, 9, k) of the first of them."""
+def _inputs(at: At, record: Record, moves: Moves) -> tuple[Array, Array]:
+    """Inputs (n, 15) that act, and slopes (n, l, k) of the first of them."""
+    frame, source = at.frame, record.source
+    if source is None or _without_effects(at, record):
+        return record.inputs, np.zeros((len(record.time_s), 0, len(moves.columns)))
     acting, slopes = acting_with_steps(
         source.raw,
         source.elapsed_s,
@@ -266,7 +290,7 @@ def _inputs(
         source.roll,
         source.pitch,
         frame.dt_s,
-        e,
+        at.command_effects,
         0.0 if source.depth is None else source.depth,
         len(record.time_s),
         moves.places,
@@ -293,7 +317,7 @@ def input_slopes(frame: Frame, p: Array, acting: Record, free: Free) -> tuple[Ar
     moves = at.moves
     if not len(moves.columns) or source is None:
         return np.zeros((len(acting.time_s), N_INPUTS, 0)), NOWHERE
-    found = _inputs(frame, at.command_effects, acting, source, moves)[1]
+    found = _inputs(at, acting, moves)[1]
     slopes = np.zeros((len(acting.time_s), N_INPUTS, len(moves.columns)))
     slopes[:, : found.shape[1]] = found
     return slopes, moves.columns
@@ -397,14 +421,14 @@ def observed(at: At, record: Record, active: Array, gain: Array | None = None) -
         Observer gain, see `physics.dynamics.simulate_with_sensitivities`.
     """
     frame, free = at.frame, at.free
-    acting, slopes = _acting(at, record, at.moves)
+    inputs, slopes = _inputs(at, record, at.moves)
     z = _memory.of(len(record.time_s), N_STATES, 1 + N_STATES + len(free.positions))
     if not simulate_with_sensitivities(
-        acting.start,
-        acting.inputs,
+        _start(at, record),
+        inputs,
         slopes,
         at.moves.columns,
-        acting.given,
+        _followed(at, record, active, gain),
         np.zeros(N_STATES) if gain is None else gain,
         frame.dt_s,
         at.p,
@@ -447,18 +471,20 @@ class Slopes:
 
 
 def readings_with_slopes(
-    frame: Frame, p: Array, record: Record, active: Array, free: Free, gain: Array | None = None
+    at: At, record: Record, active: Array, gain: Array | None = None
 ) -> Slopes | None:
     """Predicted readings of a record with their slopes; None where the simulation runs away.
 
     Parameters
     ----------
+    at : At
     record : Record
-        As ingested; the effects at p are put in here.
+        As ingested; the effects are put in here.
+    active : (4,) bool array
     gain : (4,) array, optional
         Observer gain, see `physics.dynamics.simulate_with_sensitivities`.
     """
-    found = observed(At(frame, p, free), record, active, gain)
+    found = observed(at, record, active, gain)
     if found is None:
         return None
     slopes = np.empty(found.z.shape)
@@ -466,11 +492,11 @@ def readings_with_slopes(
     return Slopes(found.readings, slopes[:, :, 1:], found.z[:, :, 0].copy())
 
 
-def seen_rows(frame: Frame, p: Array, record: Record, channels: Array) -> Array:
+def seen_rows(at: At, record: Record, channels: Array) -> Array:
     """Rows (n, 4) of the readings that a prediction can be compared with."""
     seen = np.isfinite(record.measured) & channels
-    if frame.structure.effects:
-        seen &= ~sense.unknown_rows(frame.reading_effects(p), len(seen), frame.dt_s)
+    if at.frame.structure.effects:
+        seen &= ~sense.unknown_rows(at.reading_effects, len(seen), at.frame.dt_s)
     return seen
 
 

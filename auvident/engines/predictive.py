@@ -27,7 +27,7 @@ from auvident.engines.carried import (
     vector_behind,
 )
 from auvident.engines.falling import PushesAlong, fallen_models
-from auvident.engines.prediction import Frame, Free, readings_with_slopes
+from auvident.engines.prediction import At, Frame, Free, readings_with_slopes
 from auvident.engines.records import Record
 from auvident.estimation.chances import student_quantile
 from auvident.physics.dynamics import ALL_STATES, N_STATES
@@ -71,7 +71,7 @@ def parameter_variance(
         ``track`` is the mean squared distance [m^2].
     """
     running = free_running(frame, p, record, ALL_STATES)
-    found = readings_with_slopes(frame, p, running, ALL_STATES, free)
+    found = readings_with_slopes(At(frame, p, free), running, ALL_STATES)
     if found is None:
         return None
     slopes = found.slopes[:, :, N_STATES:]

@@ -168,6 +168,16 @@ def place_behind(vertical, mount, e, measured, rates, dt, from_middle, heading, 
         out[k, 2], out[k, 3] = b, (at_once[k, 3] - offset[k, 3]) / matrix[3, 3]
 
 
+@kernel
+def place_start(vertical, mount, e, begun, start, rates, dt, from_middle, heading, out):
+    """Where a record begins (4,) that began at `begun` without effects; see `start_behind`."""
+    none, here, without = np.zeros(e.shape[0]), np.empty((1, 4)), np.empty((1, 4))
+    place_behind(vertical, mount, e, start, rates, dt, from_middle, heading, here)
+    place_behind(vertical, mount, none, start, rates, dt, from_middle, heading, without)
+    for i in range(out.shape[0]):
+        out[i] = begun[i] + here[0, i] - without[0, i]
+
+
 # --- what Python calls ---------------------------------------------------------------------
 
 
@@ -290,6 +300,44 @@ def states_behind(
         dt,
         _or_none(from_middle_s),
         _or_none(heading),
+        out,
+    )
+    return out
+
+
+def start_behind(
+    plane: Plane,
+    sensing: Sensing,
+    e: Array,
+    begun: Array,
+    start: Array,
+    rates: Array,
+    dt: float,
+    from_middle_s: Array | None = None,
+    heading: Array | None = None,
+) -> Array:
+    """State (4,) where a record begins, as the effects move it; see `states_behind`.
+
+    Parameters
+    ----------
+    begun : (4,) array
+        State where it begins without effects.
+    start : (4,) array
+        Readings there.
+    rates, from_middle_s, heading : (n, 2), (n,), (n,) array
+        Of the whole record; the first row counts.
+    """
+    out = np.empty(N_CHANNELS)
+    place_start(
+        plane == "vertical",
+        mount_of(sensing),
+        e,
+        begun,
+        np.ascontiguousarray(start)[None],
+        np.ascontiguousarray(rates[:1]),
+        dt,
+        _or_none(from_middle_s)[:1],
+        _or_none(heading)[:1],
         out,
     )
     return out

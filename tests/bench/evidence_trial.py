@@ -158,7 +158,7 @@ def wald(case: Case, fitted: Fitted, by_block: bool) -> float | None:
     prior = prior_of(case, free.positions, open_of(case, fitted))
     curvature, k = prior.information.copy(), len(output.channels)
     for record in case.records:
-        found = finite_innovations(output, fitted.parameters, record, free)
+        found = finite_innovations(output, output.at(fitted.parameters, free), record)
         if found is None:
             return None
         start = found.white[:, 1 : 1 + k]

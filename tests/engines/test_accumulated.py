@@ -41,7 +41,7 @@ def noisy(record: Record) -> Record:
 
 def written_down(output: OutputError, p: Any, record: Record, free: Free) -> Any:
     """The same from the array of all white rows."""
-    found, k = innovations(output, p, record, free), len(output.channels)
+    found, k = innovations(output, output.at(p, free), record), len(output.channels)
     assert found is not None
     gram = found.white.T @ found.white
     g, h = gram[1:, 0], gram[1:, 1:]
@@ -97,7 +97,7 @@ def test_a_motion_nearly_lost_adds_nothing() -> None:
     world, record, free = horizontal.WORLD, horizontal.TRUTH, horizontal.FREE
     exact = tuple(Colour(1e-13, 0.0, 1.0) for _ in range(4))
     output = OutputError(world.frame, (record,), COURSE, exact)
-    assert innovations(output, world.p, record, free) is not None
+    assert innovations(output, output.at(world.p, free), record) is not None
     assert normal_equations(output, world.p, record, free) is None
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from auvident.engines.estimator import free_positions, run_stage
-from auvident.engines.prediction import readings_with_slopes
+from auvident.engines.prediction import At, readings_with_slopes
 from auvident.physics import terms
 from auvident.physics.terms import structure_of
 from auvident.schema import effects
@@ -104,7 +104,7 @@ def test_a_new_effect_is_listed(wake) -> None:
 
 def test_a_new_effect_stands_in_the_prediction_with_its_slopes(wake) -> None:
     record, free = recorded(wake), wake.free(wake.every_effect())
-    found = readings_with_slopes(wake.frame, wake.p, record, COURSE, free)
+    found = readings_with_slopes(At(wake.frame, wake.p, free), record, COURSE)
     assert found is not None
     away = np.abs(found.readings - held(wake.without().p, record, wake))
     assert away[:, :3].max() > 0.02

@@ -148,7 +148,7 @@ def test_a_start_that_predicts_worse_is_not_taken() -> None:
     setup = setup_of()
     output, _ = free_start(setup)
     record = output.records[0]
-    left = residual_of(output, setup.prior, record)
+    left = residual_of(output, output.at(setup.prior), record)
     assert left is not None
     for wrong in (-50.0, 50.0):  # further than any line leads
         misled = replace(left, away=wrong * left.away)

@@ -10,6 +10,7 @@ from auvident.engines.carried import predicted_course
 from auvident.engines.prediction import (
     READING_STEP,
     SMALL_STEP,
+    At,
     at_effects,
     input_slopes,
     linear_about,
@@ -106,7 +107,7 @@ def slopes_of(name: str, fitted: np.ndarray) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def fitted() -> np.ndarray:
-    found = readings_with_slopes(WORLD.frame, WORLD.p, TRUTH, COURSE, FREE)
+    found = readings_with_slopes(At(WORLD.frame, WORLD.p, FREE), TRUTH, COURSE)
     assert found is not None
     np.testing.assert_allclose(found.readings, held(WORLD.p), atol=1e-12)
     return found.slopes
@@ -300,7 +301,7 @@ def test_padding_of_the_linear_form_is_zero() -> None:
 def test_readings_from_before_the_record_are_not_compared() -> None:
     measured = TRUTH.measured.copy()
     measured[50:60, 0] = np.nan
-    found = seen_rows(WORLD.frame, WORLD.p, replace(TRUTH, measured=measured), COURSE)
+    found = seen_rows(At(WORLD.frame, WORLD.p, FREE), replace(TRUTH, measured=measured), COURSE)
     rows = np.arange(len(measured))
     np.testing.assert_array_equal(found[:, 0], (rows >= 3) & ((rows < 50) | (rows >= 60)))
     np.testing.assert_array_equal(found[:, 1], rows >= 3)  # 0.24 s: nothing before row 2.4

@@ -12,6 +12,7 @@ from auvident.engines.estimator import run_stage
 from auvident.engines.prediction import (
     READING_STEP,
     SMALL_STEP,
+    At,
     at_effects,
     readings,
     readings_with_slopes,
@@ -241,7 +242,7 @@ def moved(name: str, by: float) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def fitted() -> np.ndarray:
-    found = readings_with_slopes(WORLD.frame, WORLD.p, TRUTH, FREELY, FREE)
+    found = readings_with_slopes(At(WORLD.frame, WORLD.p, FREE), TRUTH, FREELY)
     assert found is not None
     np.testing.assert_allclose(found.readings, held(WORLD.p), atol=1e-12)
     return found.slopes

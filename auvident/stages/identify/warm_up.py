@@ -74,7 +74,7 @@ def simulate(setup: Setup) -> None:
     task = task_of(setup, EVERYTHING)
     effective_noise(task.output, setup.start, setup.sensor_std)
     likelihood(task.output, setup.start, task.free)
-    residual_of(task.output, setup.start, task.output.records[0])
+    residual_of(task.output, task.output.at(setup.start), task.output.records[0])
     smoothed_states(
         setup.structure,
         setup.start,

@@ -24,7 +24,7 @@ from auvident.engines.free_run import (
     pull_of_start,
     summed,
 )
-from auvident.engines.prediction import Free
+from auvident.engines.prediction import At
 from auvident.engines.records import Record
 from auvident.estimation.output_error import bounded_step
 from auvident.parallel import each
@@ -133,7 +133,8 @@ def joint_about(
     """
     free = case.setup.free(in_order(fitted.free, case.positions(*effects)))
     output = output_error(case, fitted.colours, gain)
-    parts = each(lambda r: _slopes_of(output, fitted.parameters, r, free), case.records, len)
+    at = output.at(fitted.parameters, free)
+    parts = each(lambda r: _slopes_of(output, at, r), case.records, len)
     if any(part is None for part in parts):
         return None
     normal, raw, count, own = zip(*parts, strict=True)  # type: ignore[arg-type]
@@ -150,10 +151,10 @@ def _joined(parts: Sequence[tuple[Array, Array]]) -> Blocks:
 
 
 def _slopes_of(
-    output: OutputError, p: Array, record: Record, free: Free
+    output: OutputError, at: At, record: Record
 ) -> tuple[Normal, Array, Array, tuple[Array, Array]] | None:
     """Share of a record in what `Joint` holds, with the count of its readings (3,)."""
-    found = finite_innovations(output, p, record, free)
+    found = finite_innovations(output, at, record)
     if found is None:
         return None
     slopes, seen = found.predicted.slopes, found.seen
@@ -229,12 +230,13 @@ def scores_of_forms(
         None where the simulation runs away.
     """
     own, output = case.positions(effect), output_error(case, fitted.colours)
-    every = case.setup.free(in_order(fitted.free, own))
-    both = every, case.setup.free(np.array(own))
+    every, alone = case.setup.free(in_order(fitted.free, own)), case.setup.free(np.array(own))
+    here = output.at(fitted.parameters, every)
+    there = [(output.at(form.parameters, alone), form.records) for form in forms]
 
     def part(k: int) -> tuple[Normal, list[Normal]] | None:
-        seen = [(form.parameters, form.records[k]) for form in forms]
-        return _forms_of(output, fitted.parameters, case.records[k], both, seen)
+        seen = [(at, records[k]) for at, records in there]
+        return _forms_of(output, here, case.records[k], seen)
 
     parts = each(part, range(len(case.records)), lambda k: len(case.records[k]))
     if any(p is None for p in parts):
@@ -258,23 +260,21 @@ def _with_form(about: Joint, own: Sequence[int], shares: Sequence[Normal]) -> Jo
 
 def _forms_of(
     output: OutputError,
-    here: Array,
+    here: At,
     record: Record,
-    free: tuple[Free, Free],
-    forms: Sequence[tuple[Array, Record]],
+    forms: Sequence[tuple[At, Record]],
 ) -> tuple[Normal, list[Normal]] | None:
     """What a record adds without the effect, and its slopes by each form of it.
 
     Of a form: zero; its gradient (k,); its curvature (k, k + n) with itself and with all.
     """
-    every, own = free
-    whole = finite_innovations(output, here, record, every)
+    whole = finite_innovations(output, here, record)
     if whole is None:
         return None
     error, base, pulled = _without_start(output, record, whole)
     found = []
-    for p, seen in forms:
-        form = finite_innovations(output, p, seen, own)
+    for at, seen in forms:
+        form = finite_innovations(output, at, seen)
         assert form is not None  # the same motion
         slopes = form.white[:, 1 + len(output.channels) :].T
         left = _without_start(output, seen, form)[1]
@@ -420,7 +420,8 @@ def in_parts(case: Case, fitted: Fitted, effect: str) -> Array | None:
     of_parts, own = case.positions(*parts), case.positions(effect)
     free = case.setup.free(np.array(sorted([*of_parts, *own])))
     output = output_error(case, fitted.colours)
-    found = each(lambda r: finite_innovations(output, fitted.parameters, r, free), case.records)
+    here = output.at(fitted.parameters, free)
+    found = each(lambda r: finite_innovations(output, here, r), case.records)
     if any(one is None for one in found):
         return None
     left = [

@@ -113,13 +113,14 @@ def seen_with(case: Case, fitted: Fitted, parameters: Array, colours: Colours) -
     case = started(case, fitted)
     output = output_error(case, colours)
     by_record = {
-        record.id: residual_of(output, p, record)
-        for p, group in zip(parameters, _groups(case), strict=True)
+        record.id: residual_of(output, at, record)
+        for at, group in zip(map(output.at, parameters), _groups(case), strict=True)
         for record in group
     }
     found = [by_record[record.id] for record in case.records]
     # both starts of a record are found with this noise: that of the fit may be another by now
-    with_all = [residual_of(output, fitted.parameters, record) for record in case.records]
+    here = output.at(fitted.parameters)
+    with_all = [residual_of(output, here, record) for record in case.records]
     blocks, own = (
         [_blocks(output, r, record) for r, record in zip(residuals, case.records, strict=True)]
         for residuals in (found, with_all)

@@ -16,7 +16,7 @@ from auvident.constants import DIAGNOSED_START_STD, VehicleTime
 from auvident.engines.free_run import start_std
 from auvident.engines.motion_pass import motion_pass
 from auvident.engines.noise import LONGEST_CORRELATION_S
-from auvident.engines.prediction import at_effects, readings, seen_rows
+from auvident.engines.prediction import NOTHING_FREE, At, at_effects, readings, seen_rows
 from auvident.engines.records import Record
 from auvident.errors import NumericsError
 from auvident.estimation.output_error import correlation_time
@@ -190,7 +190,8 @@ def _smoothed(step: Stepper, fitted: Fitted, record: Record, states: Array, walk
     frame, p = step.case.setup.frame, fitted.parameters
     sensor = sensor_matrix(frame.structure.plane, frame.sensing, frame.reading_effects(p))
     offset = readings(frame, p, record, states) - states @ sensor.T
-    read = np.where(seen_rows(frame, p, record, ACTIVE), record.measured - offset, np.nan)
+    seen = seen_rows(At(frame, p, NOTHING_FREE), record, ACTIVE)
+    read = np.where(seen, record.measured - offset, np.nan)
     start = [start_std(colour, DIAGNOSED_START_STD) for colour in fitted.colours]
     spread = np.diag(np.append(start, START_FORCE * walk.size) ** 2)
     growth = np.append(np.zeros(N_CHANNELS), walk.intensity**2 * step.case.setup.dt_s)

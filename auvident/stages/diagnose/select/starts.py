@@ -48,8 +48,9 @@ def baseline_of(case: Case) -> Fitted:
 
 def _runaway_of(case: Case) -> str:
     """Maneuvers in which the identified model runs away."""
-    p, output = case.identified, output_error(case, first_colours(case, case.identified))
-    return ", ".join(r.id for r in case.records if residual_of(output, p, r) is None)
+    output = output_error(case, first_colours(case, case.identified))
+    at = output.at(case.identified)
+    return ", ".join(r.id for r in case.records if residual_of(output, at, r) is None)
 
 
 def at_typical_size(case: Case, before: Fitted, candidate: str) -> Array | None:

@@ -134,7 +134,7 @@ def test_parts_of_a_record_are_those_of_its_residual() -> None:
     output = output_error(case, fitted.colours)
     for record in case.records:
         parts = normal_equations(output, fitted.parameters, record, output.no_parameter)
-        found = residual_of(output, fitted.parameters, record)
+        found = residual_of(output, output.at(fitted.parameters), record)
         assert parts is not None and found is not None
         white = white_error(found.error, fitted.colours, case.setup.dt_s)
         # the parts also count how far the start had to move, in units of what was known of it
@@ -165,7 +165,7 @@ def test_masked_readings_do_not_count() -> None:
         assert np.isnan(one.measured[inside]).all()
         np.testing.assert_array_equal(one.measured[~inside], other.measured[~inside])
     output = output_error(masked, small_fit().colours)
-    found = residual_of(output, small_fit().parameters, masked.records[1])
+    found = residual_of(output, output.at(small_fit().parameters), masked.records[1])
     assert found is not None
     inside = (record.time_s >= start) & (record.time_s <= end)
     assert np.isnan(found.error[inside]).all()
@@ -261,8 +261,9 @@ def test_a_fit_without_effects_begins_at_what_every_vehicle_is_expected_to_have(
 
 
 def residuals_at(case: cases.Case, base: Fitted, p: np.ndarray) -> list[RecordResidual]:
-    found = [residual_of(output_error(case, base.colours), p, r) for r in case.records]
-    return [one for one in found if one is not None]
+    found = residuals_of(output_error(case, base.colours), p)
+    assert found is not None
+    return list(found)
 
 
 def test_sizes_are_in_practical_units_beyond_what_is_expected() -> None:

@@ -111,9 +111,9 @@ def test_a_fit_to_others_knows_nothing_that_a_fit_without_the_rest_does_not() ->
 def test_a_maneuver_left_out_is_predicted_worse_than_one_fitted() -> None:
     """A look ahead would show here: squared innovations exceed those of the fit to all."""
     case, fitted = small_case(), small_fit()
-    own = 0.0
+    own, output = 0.0, output_error(case, fitted.colours)
     for record in case.records:
-        found = residual_of(output_error(case, fitted.colours), fitted.parameters, record)
+        found = residual_of(output, output.at(fitted.parameters), record)
         assert found is not None
         own += float(np.sum(white_error(found.error, fitted.colours, case.setup.dt_s) ** 2))
     assert sum(float(b.sum()) for b in left_out().blocks) > own
@@ -204,7 +204,7 @@ def test_readings_that_a_model_cannot_predict_count_one_each() -> None:
     """To no model's gain: else one that a delay leaves without its first rows would look better."""
     case, fitted = small_case(), small_fit()
     output, record = output_error(case, fitted.colours), case.records[0]
-    found = residual_of(output, fitted.parameters, record)
+    found = residual_of(output, output.at(fitted.parameters), record)
     assert found is not None
     rows = np.flatnonzero(np.isfinite(record.measured[:, 2]))[:50]
     error = found.error.copy()

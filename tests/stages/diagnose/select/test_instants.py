@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from auvident.engines.free_run import NOTHING
-from auvident.engines.prediction import readings_with_slopes
+from auvident.engines.prediction import At, readings_with_slopes
 from auvident.engines.records import Record
 from auvident.report.loop_words import place
 from auvident.schema.artifacts import Maneuver
@@ -80,7 +80,7 @@ def with_step(records: Sequence[Record], p: np.ndarray) -> tuple[Record, ...]:
     """The records as if the model with a step had made them, with the noise of the sensors."""
     rng, setup, made = np.random.default_rng(5), case().setup, []
     for record in records:
-        found = readings_with_slopes(setup.frame, p, record, ACTIVE, setup.free(NOTHING))
+        found = readings_with_slopes(At(setup.frame, p, setup.free(NOTHING)), record, ACTIVE)
         assert found is not None
         noise = rng.normal(size=record.measured.shape) * setup.sensor_std
         seen = np.isfinite(record.measured)

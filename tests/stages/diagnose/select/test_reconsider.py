@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from auvident.engines.free_run import NOTHING
-from auvident.engines.prediction import readings_with_slopes
+from auvident.engines.prediction import At, readings_with_slopes
 from auvident.stages.diagnose.fit.case import ACTIVE, Case
 from auvident.stages.diagnose.fit.fits import Fitted, log_gain
 from auvident.stages.diagnose.fit.refits import apart, from_estimate, prior_cost, without
@@ -58,9 +58,9 @@ def planted() -> tuple[Case, Fitted]:
     case, rng = small_case(), np.random.default_rng(7)
     p = small_fit().parameters.copy()
     p[case.positions(PAIR[0])], p[case.positions(PAIR[1])] = OFFSET, TURNED
-    records = []
+    records, at = [], At(case.setup.frame, p, case.setup.free(NOTHING))
     for record in case.records:
-        found = readings_with_slopes(case.setup.frame, p, record, ACTIVE, case.setup.free(NOTHING))
+        found = readings_with_slopes(at, record, ACTIVE)
         assert found is not None
         measured = record.measured.copy()
         noise = rng.normal(size=(len(measured), 3)) * case.setup.sensor_std[:3]
