@@ -43,7 +43,7 @@ from auvident.engines.prediction import (
     simulated,
 )
 from auvident.engines.records import Record
-from auvident.estimation.coloured import Colour, whiten_channels
+from auvident.estimation.coloured import Colour, whiten_channels, whitened
 from auvident.parallel import each
 from auvident.physics.dynamics import N_STATES
 
@@ -178,10 +178,8 @@ def white_columns(
 
 def white_error(error: Array, colours: Colours, dt_s: float) -> Array:
     """Whitened errors (n, c) of the first c channels; zero where there is no reading."""
-    channels, seen = np.arange(len(colours)), np.isfinite(error)
-    none = np.zeros((len(error), N_STATES, 0))
-    white = white_columns(error, none, NOTHING, seen, channels, colours, dt_s)
-    return white[:, 0].reshape(len(colours), len(error)).T
+    white = [whitened(error[:, c], colour, dt_s) for c, colour in enumerate(colours)]
+    return np.nan_to_num(np.column_stack(white))
 
 
 def innovations(output: OutputError, at: At, record: Record) -> Innovations | None:

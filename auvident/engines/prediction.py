@@ -225,6 +225,8 @@ def ran_away_remedy(dt_s: float) -> str:
 def at_effects(frame: Frame, p: Array, record: Record) -> Record:
     """The record as the effects at p make it: acting inputs, states behind the readings."""
     at = At(frame, p, NOTHING_FREE)
+    if _without_effects(at, record):
+        return record
     inputs, start = _inputs(at, record, NO_MOVES)[0], _start(at, record)
     return replace(record, inputs=inputs, given=_behind(at, record), start=start)
 

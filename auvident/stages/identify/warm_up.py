@@ -1,21 +1,28 @@
-"""What calls every kernel of an identification, for the first use on a machine.
+"""What calls every kernel of a run, for the first use on a machine.
 
-Half of the time that compiling takes goes into the pass of the filter, half into simulations and
-the smoothing of states: two pieces of work, each on the shortest maneuvers of the problem at hand.
+Half of the time that compiling takes goes into the pass of the filter, half into simulations, the
+smoothing of states and the maneuvers that a validation flies: two pieces of work, each on the
+shortest maneuvers of the problem at hand.
 """
 
 from dataclasses import replace
 from functools import partial
 from typing import get_args
 
+import numpy as np
+
 from auvident.engines.carried import allowed
 from auvident.engines.estimator import filter_pass, task_of
-from auvident.engines.free_run import likelihood, residual_of
+from auvident.engines.free_run import likelihood, residual_of, white_error
 from auvident.engines.noise import effective_noise
+from auvident.engines.records import Record
 from auvident.engines.setup import Setup
 from auvident.engines.states import smoothed_states
+from auvident.estimation.coloured import colour_of
 from auvident.first_use import Work, alone, compile_side_by_side, is_first
+from auvident.physics.fleet import Fleet, Servos
 from auvident.physics.terms import structure_of
+from auvident.physics.virtual import held_helm, run_virtual
 from auvident.schema.artifacts import AseResult, ManeuverKind, Maneuvers
 from auvident.schema.plan import Plan, PlanStage
 from auvident.schema.trial import Trial
@@ -70,20 +77,34 @@ def shortest(setup: Setup) -> Setup:
 
 
 def simulate(setup: Setup) -> None:
-    """Run what the filter does not: simulations with slopes, and the smoothing of states."""
+    """Run what the filter does not: simulations with slopes, the smoothing of states, maneuvers."""
     task = task_of(setup, EVERYTHING)
-    effective_noise(task.output, setup.start, setup.sensor_std)
-    likelihood(task.output, setup.start, task.free)
-    residual_of(task.output, task.output.at(setup.start), task.output.records[0])
+    output, record = task.output, task.output.records[0]
+    effective_noise(output, setup.start, setup.sensor_std)
+    likelihood(output, setup.start, task.free)
+    left = residual_of(output, output.at(setup.start), record)
+    if left is not None:
+        colour_of([left.error[:, 0]], setup.dt_s)
+        white_error(left.error, output.colours, setup.dt_s)
     smoothed_states(
         setup.structure,
         setup.start,
-        task.output.records[0],
-        task.output.active,
+        record,
+        output.active,
         setup.sensor,
         setup.sensor_std,
         setup.dt_s,
     )
+    _fly(setup, record)
+
+
+def _fly(setup: Setup, record: Record) -> None:
+    """One step of models side by side, and of one by itself, as a validation flies them."""
+    fleet, still = Fleet(setup.structure, setup.start[None]), np.zeros(1)
+    states, servos = record.start[:, None].copy(), Servos(fleet, still.copy(), setup.dt_s)
+    fleet.rates(states, still, still)
+    fleet.step(states, fleet.felt(servos.follow(still)), still, setup.dt_s)
+    run_virtual(setup.structure, setup.start, record.start, 0.0, setup.dt_s, held_helm(0.0))
 
 
 def run_filter(setup: Setup) -> None:
