@@ -73,3 +73,26 @@ def test_no_helper_once_compiled_nor_where_nothing_is_kept(cold, monkeypatch) ->
     monkeypatch.setattr(first_use, "compiled_already", lambda kind: True)
     compile_first(linear_setup())
     assert cold == []
+
+
+CALLED = """
+import pickle, sys
+from auvident.estimation import coloured
+from auvident.physics import dynamics, fleet
+
+for piece in pickle.load(sys.stdin.buffer):
+    piece()
+called = {
+    coloured: ["_distances", "whiten", "whiten_channels"],
+    dynamics: ["simulate_with_sensitivities", "step"],
+    fleet: ["_felt", "_rates", "_step", "_turn"],
+}
+print([n for module, names in called.items() for n in names if not getattr(module, n).signatures])
+"""
+
+
+def test_the_pieces_call_what_the_stages_after_an_identification_need() -> None:
+    """After `warm-up` a first validation compiled for five seconds more."""
+    told = pickle.dumps(pieces_of(linear_setup()))
+    done = subprocess.run([sys.executable, "-c", CALLED], input=told, capture_output=True)
+    assert (done.stdout.decode().strip(), done.returncode) == ("[]", 0), done.stderr.decode()
