@@ -52,8 +52,8 @@ def test_summary_keeps_what_the_data_told() -> None:
     row = {"total": "u' ahead", "error": 2.0, "std": 2.0, "fitted_std": 1.0, "prior_std": 10.0}
     helm = {**row, "total": "r' rudder put over"}
     unseen = {**row, "fitted_std": 9.0}
-    (flown, put_over, *_) = summary([{"rows": [row, helm, unseen]}])
-    assert flown["n"] == put_over["n"] == 1
+    (every, flown, put_over, *_) = summary([{"rows": [row, helm, unseen]}])
+    assert (every["n"], flown["n"], put_over["n"]) == (2, 1, 1)
     assert flown["mean square"] == 1.0 and flown["mean square (readings alone)"] == 4.0
     assert flown["95 % covers"] == "100.0 %" and flown["95 % covers (readings alone)"] == "0.0 %"
 

@@ -241,7 +241,7 @@ def summary(found: list[Outcome]) -> list[dict[str, Any]]:
     names = dict.fromkeys(r["total"] for r in seen)
     flown = [r for r in seen if HELM not in r["total"]]
     helm = [r for r in seen if HELM in r["total"]]
-    groups = {"ahead and turning": flown, "rudder put over": helm}
+    groups = {"all": seen, "ahead and turning": flown, "rudder put over": helm}
     groups |= {name: [r for r in seen if r["total"] == name] for name in names}
     return [_row(name, group) for name, group in groups.items() if group]
 
