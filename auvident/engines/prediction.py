@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from auvident.engines.accumulated import Sees, place_slopes
 from auvident.engines.problem import Linear
-from auvident.engines.records import Record
+from auvident.engines.records import Record, Source
 from auvident.engines.smoothing import smoothed
 from auvident.physics import readings as whole
 from auvident.physics import sensing as sense
@@ -225,21 +225,21 @@ def ran_away_remedy(dt_s: float) -> str:
 def at_effects(frame: Frame, p: Array, record: Record) -> Record:
     """The record as the effects at p make it: acting inputs, states behind the readings."""
     at = At(frame, p, NOTHING_FREE)
-    if _without_effects(at, record):
+    if _source(at, record) is None:
         return record
     inputs, start = _inputs(at, record, NO_MOVES)[0], _start(at, record)
     return replace(record, inputs=inputs, given=_behind(at, record), start=start)
 
 
-def _without_effects(at: At, record: Record) -> bool:
-    """Whether a record is taken as it is logged."""
-    return record.source is None or not at.frame.structure.effects
+def _source(at: At, record: Record) -> Source | None:
+    """What effects need of the log; None where there are none, and a record is as it is logged."""
+    return record.source if at.frame.structure.effects else None
 
 
 def _behind(at: At, record: Record) -> Array:
     """States (n, 4) behind the readings."""
-    frame, source = at.frame, record.source
-    if source is None or _without_effects(at, record):
+    frame, source = at.frame, _source(at, record)
+    if source is None:
         return record.given
     return whole.states_behind(
         frame.structure.plane,
@@ -264,8 +264,8 @@ def _followed(at: At, record: Record, active: Array, gain: Array | None) -> Arra
 
 def _start(at: At, record: Record) -> Array:
     """State (4,) at the start; what a fit moved it by stays."""
-    frame, source = at.frame, record.source
-    if source is None or _without_effects(at, record):
+    frame, source = at.frame, _source(at, record)
+    if source is None:
         return record.start
     return whole.start_behind(
         frame.structure.plane,
@@ -282,8 +282,8 @@ def _start(at: At, record: Record) -> Array:
 
 def _inputs(at: At, record: Record, moves: Moves) -> tuple[Array, Array]:
     """Inputs (n, 15) that act, and slopes (n, l, k) of the first of them."""
-    frame, source = at.frame, record.source
-    if source is None or _without_effects(at, record):
+    frame, source = at.frame, _source(at, record)
+    if source is None:
         return record.inputs, np.zeros((len(record.time_s), 0, len(moves.columns)))
     acting, slopes = acting_with_steps(
         source.raw,
