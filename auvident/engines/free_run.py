@@ -179,7 +179,7 @@ def white_columns(
 def white_error(error: Array, colours: Colours, dt_s: float) -> Array:
     """Whitened errors (n, c) of the first c channels; zero where there is no reading."""
     white = [whitened(error[:, c], colour, dt_s) for c, colour in enumerate(colours)]
-    return np.nan_to_num(np.column_stack(white))
+    return np.where(np.isfinite(error[:, : len(colours)]), np.column_stack(white), 0.0)
 
 
 def innovations(output: OutputError, at: At, record: Record) -> Innovations | None:
@@ -362,6 +362,7 @@ def residual_of(output: OutputError, at: At, record: Record) -> RecordResidual |
     at : At
         No parameter moves.
     """
+    assert not at.free.positions.size  # the slopes are those by the start alone
     found = finite_innovations(output, at, record)
     if found is None:
         return None

@@ -113,6 +113,16 @@ def fitted() -> np.ndarray:
     return found.slopes
 
 
+@pytest.mark.parametrize("gain", [None, np.array([0.1, 0.1, 0.1, 0.0])])
+def test_a_prediction_follows_the_states_behind_the_readings(gain) -> None:
+    at, acting = At(WORLD.frame, WORLD.p, FREE), at_effects(WORLD.frame, WORLD.p, TRUTH)
+    assert not np.allclose(acting.given, TRUTH.given)
+    found = readings_with_slopes(at, TRUTH, COURSE, gain)
+    given = readings_with_slopes(at, replace(acting, source=None), COURSE, gain)
+    assert found is not None and given is not None
+    np.testing.assert_array_equal(found.states, given.states)
+
+
 # --- slopes --------------------------------------------------------------------------------
 
 EXACT = [n for n in NAMES if n not in COMMAND and n not in READING]

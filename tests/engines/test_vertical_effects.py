@@ -29,6 +29,7 @@ from auvident.schema.effects import BY_ID, in_plane, parameter_of
 from auvident.storage.artifacts import as_model
 from tests.engines.chain import identified
 from tests.engines.effects_world import (
+    COURSE,
     FREELY,
     LEAD,
     NOISE,
@@ -246,6 +247,14 @@ def fitted() -> np.ndarray:
     assert found is not None
     np.testing.assert_allclose(found.readings, held(WORLD.p), atol=1e-12)
     return found.slopes
+
+
+def test_a_pitch_that_is_as_logged_is_the_one_behind_its_bias_and_scale() -> None:
+    at, acting = At(WORLD.frame, WORLD.p, FREE), at_effects(WORLD.frame, WORLD.p, TRUTH)
+    found = readings_with_slopes(at, TRUTH, COURSE)
+    given = readings_with_slopes(at, replace(acting, source=None), COURSE)
+    assert found is not None and given is not None
+    np.testing.assert_array_equal(found.states, given.states)
 
 
 COMMANDED = [n for n in NAMES if n in COMMANDS["vertical"] and "." in n]
