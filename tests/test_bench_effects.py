@@ -272,6 +272,15 @@ def test_a_push_is_seen_where_it_shows_in_sway_and_yaw() -> None:
     assert not is_visible({**event, "parameters": {"v_mps": 9.0, "r_degps": 90.0}}, none)
 
 
+def test_what_flows_is_seen_as_a_whole() -> None:
+    sees = [row.model_dump() for row in loop_world.sees()]  # 0.011 north, 0.014 east
+    for north, east, seen in ((0.008, 0.01, True), (-0.008, 0.01, True), (0.008, 0.009, False)):
+        flow = {**CURRENT, "parameters": {"north_mps": north, "east_mps": east}}
+        assert is_visible(flow, sees) is seen
+    hidden = [{**row, "visible": False} for row in sees]
+    assert not is_visible(CURRENT, hidden)
+
+
 def test_both_of_a_pair_are_asked_for() -> None:
     assert not score(outcome_with([CURRENT, LAG], kind="pair")).right_family
     lag = loop_world.EffectFound(id="rudder_delay", family="actuation", parameters=())

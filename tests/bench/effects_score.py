@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from math import inf
+from math import hypot, inf
 from typing import Any
 
 from scipy.stats import kstest
@@ -16,6 +16,8 @@ CONFIDENT = ("effect_found", "ambiguous")  # with nothing said to remain
 # Seen by a search of the residual and not by a slope: `sees` may have no size for them.
 EVENT = "one_off_event"
 SEARCHED = ("wave", EVENT)
+# North and east are axes of the chart: what flows between them is no smaller than along one.
+FLOWS = ("current", "current_drift")
 
 Row = Mapping[str, Any]
 Spans = Sequence[Sequence[float]] | None  # start and end of maneuvers [s]
@@ -191,14 +193,22 @@ def happened_in(planted: Row, spans: Spans) -> bool:
 def is_visible(planted: Row, sees: Iterable[Row]) -> bool:
     """Whether the planted size is above the one that the program says it would see.
 
-    Of several parameters one is enough, but a push has to show in sway and in yaw; of a limit the
-    smaller is the stronger.
+    Of several parameters one is enough, but a push has to show in sway and in yaw, and of what
+    flows all parameters count together; of a limit the smaller is the stronger.
     """
     rows = [row for row in sees if row["id"] == planted["id"]]
     if not rows:
         return planted["id"] in SEARCHED
+    if planted["id"] in FLOWS:
+        return _of_stated(planted, rows) >= 1.0
     seen = [_is_above(planted, row) for row in rows if row["visible"]]
     return all(seen) and bool(seen) if planted["id"] in TOGETHER else any(seen)
+
+
+def _of_stated(planted: Row, rows: Iterable[Row]) -> float:
+    """Planted sizes over the stated ones, root of the sum of squares, as their gains add up."""
+    size = planted["parameters"]
+    return hypot(*(size.get(r["symbol"], 0.0) / r["size"] for r in rows if r["visible"]))
 
 
 def _is_above(planted: Row, row: Row) -> bool:
