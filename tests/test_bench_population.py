@@ -165,6 +165,24 @@ def test_a_name_that_the_vehicle_has_is_not_false():
     assert bar("nothing planted: a name", own)["met"] == "yes"
 
 
+def test_a_drift_counts_where_the_program_says_that_it_can_look_for_one():
+    """Whether one rate alone would be seen or not: without a heading there is none to find."""
+    drift = {"id": "current_drift", "family": "environment", "exact": True, "time_s": []}
+    planted = [drift | {"parameters": {"north_late_mps_per_1000_s": 0.1}}]
+    found, missed, blind, hidden = (outcome_with(planted=planted) for _ in range(4))
+    row = {**found["diagnosis"]["sees"][0], "id": "current_drift"}
+    row |= {"symbol": "north_late_mps_per_1000_s", "size": 0.4}
+    for one in (found, missed, hidden):
+        one["diagnosis"]["sees"].append(row)
+    for one in (missed, blind):
+        one["comparison"] |= {"effects": [], "ambiguous": [], "verdict": "unexplained"}
+    hidden["visible"]["current_drift"]["visible"] = False
+    rows = [
+        bar("drift of the current", *some) for some in ((found,), (found, missed, blind, hidden))
+    ]
+    assert [(row["n"], row["found"]) for row in rows] == [(1, "100.0%"), (2, "50.0%")]
+
+
 def test_what_refine_ships_is_held_against_what_was_left_out():
     worse, better = taken(0.1, [0.1, 0.2]), taken(-0.1, [-0.1, 0.2])
     assert bar("refined model worse", worse, better)["found"] == "50.0%"

@@ -45,7 +45,8 @@ class Score:
     or its family is named. ``wrong_name``: something is named and nothing of a planted family;
     ``extra`` are the names that are neither planted nor in a group with a planted one.
     ``by_finding``: a finding on the coefficients says it. ``visible`` is None with nothing planted,
-    and true where there is no diagnosis: a failure is not excused.
+    and true where there is no diagnosis: a failure is not excused. So is ``asked``: of everything
+    planted the program says from which size on it would see it, or searches for it.
     ``off_s``: how far outside of the planted time a named event or step lies. ``chance``: see
     `least_chance`.
     """
@@ -57,6 +58,7 @@ class Score:
     verdict: str
     named: tuple[str, ...]
     visible: bool | None
+    asked: bool | None
     declared: bool
     confident: bool
     right_id: bool
@@ -139,6 +141,7 @@ def score(outcome: Row) -> Score:
         verdict=final.get("verdict", "failed"),
         named=named,
         visible=_all_visible(planted, diagnosis, outcome.get("identifying_s")) if ids else None,
+        asked=_all_asked(planted, diagnosis) if ids else None,
         declared=final.get("verdict") in (*CONFIDENT, "partly_explained") and bool(named),
         confident=final.get("verdict") in CONFIDENT and bool(named),
         right_id=bool(ids) and set(ids) <= set(named),
@@ -180,6 +183,11 @@ def _all_visible(planted: Iterable[Row], diagnosis: Row, spans: Spans) -> bool:
     return not diagnosis or all(
         is_visible(p, diagnosis.get("sees", [])) and happened_in(p, spans) for p in planted
     )
+
+
+def _all_asked(planted: Iterable[Row], diagnosis: Row) -> bool:
+    asked = {*SEARCHED, *(row["id"] for row in diagnosis.get("sees", []))}
+    return not diagnosis or all(p["id"] in asked for p in planted)
 
 
 def happened_in(planted: Row, spans: Spans) -> bool:

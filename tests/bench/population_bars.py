@@ -27,7 +27,7 @@ def bars(scores: Scores) -> Table:
     shown = [s for s in single if s.shows]
     seen = [s for s in shown if s.loop.visible]
     pairs = [s for s in pair if s.shows and s.loop.visible]
-    drifts = [s for s in seen if s.loop.label == DRIFT]
+    drifts = [s for s in shown if s.loop.label == DRIFT and s.loop.asked]
     sizes = [z.inside for s in single + pair for z in s.loop.sizes if z.inside is not None]
     names = [bool(inside) for s in told for inside in s.zero_inside]
     return [
@@ -37,7 +37,11 @@ def bars(scores: Scores) -> Table:
         _least("visible: named or in its group", 0.88, [_right(s) for s in seen]),
         _most("planted: a wrong name", 0.03, [is_wrong_name(s) for s in single + pair]),
         _least("visible pairs: both named", 0.80, [_right(s) for s in pairs]),
-        _least("visible drift of the current: named or partly", 0.90, [_said(s) for s in drifts]),
+        _least(
+            "drift of the current, heading logged: named or partly",
+            0.90,
+            [_said(s) for s in drifts],
+        ),
         _most("outside of the library: confident name", 0.10, [_confident(s) for s in outside]),
         _within("size within its 95 % interval", COVERS, sizes),
         _most("named, and zero in its interval", 0.0, names),
