@@ -165,22 +165,19 @@ def test_a_name_that_the_vehicle_has_is_not_false():
     assert bar("nothing planted: a name", own)["met"] == "yes"
 
 
-def test_a_drift_counts_where_the_program_says_that_it_can_look_for_one():
-    """Whether one rate alone would be seen or not: without a heading there is none to find."""
+def test_a_drift_counts_where_the_log_has_the_heading_to_look_for_one():
+    """Whether one rate alone would be seen or not; another name than its own is none."""
     drift = {"id": "current_drift", "family": "environment", "exact": True, "time_s": []}
     planted = [drift | {"parameters": {"north_late_mps_per_1000_s": 0.1}}]
-    found, missed, blind, hidden = (outcome_with(planted=planted) for _ in range(4))
-    row = {**found["diagnosis"]["sees"][0], "id": "current_drift"}
-    row |= {"symbol": "north_late_mps_per_1000_s", "size": 0.4}
-    for one in (found, missed, hidden):
-        one["diagnosis"]["sees"].append(row)
+    found, partly, missed, other, blind, hidden = (outcome_with(planted=planted) for _ in range(6))
+    found["comparison"]["effects"][0]["id"] = "current_drift"
+    partly["comparison"]["verdict"] = "partly_explained"
     for one in (missed, blind):
         one["comparison"] |= {"effects": [], "ambiguous": [], "verdict": "unexplained"}
+    blind["diagnosis"]["missing"] = ["heading_rad"]
     hidden["visible"]["current_drift"]["visible"] = False
-    rows = [
-        bar("drift of the current", *some) for some in ((found,), (found, missed, blind, hidden))
-    ]
-    assert [(row["n"], row["found"]) for row in rows] == [(1, "100.0%"), (2, "50.0%")]
+    row = bar("drift of the current", found, partly, missed, other, blind, hidden)
+    assert named(other) == "current" and (row["n"], row["found"]) == (4, "50.0%")
 
 
 def test_what_refine_ships_is_held_against_what_was_left_out():

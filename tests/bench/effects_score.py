@@ -45,8 +45,8 @@ class Score:
     or its family is named. ``wrong_name``: something is named and nothing of a planted family;
     ``extra`` are the names that are neither planted nor in a group with a planted one.
     ``by_finding``: a finding on the coefficients says it. ``visible`` is None with nothing planted,
-    and true where there is no diagnosis: a failure is not excused. So is ``asked``: of everything
-    planted the program says from which size on it would see it, or searches for it.
+    and true where there is no diagnosis: a failure is not excused. So is ``asked``: the log
+    has all columns that what is planted needs to be looked for.
     ``off_s``: how far outside of the planted time a named event or step lies. ``chance``: see
     `least_chance`.
     """
@@ -186,8 +186,10 @@ def _all_visible(planted: Iterable[Row], diagnosis: Row, spans: Spans) -> bool:
 
 
 def _all_asked(planted: Iterable[Row], diagnosis: Row) -> bool:
-    asked = {*SEARCHED, *(row["id"] for row in diagnosis.get("sees", []))}
-    return not diagnosis or all(p["id"] in asked for p in planted)
+    """Whether the log has the columns that effects of the library need, as the program says."""
+    missing = set(diagnosis.get("missing", []))
+    effects = [BY_ID[p["id"]] for p in planted if p["id"] in BY_ID]
+    return all(e.by_rate or missing.isdisjoint(e.needs) for e in effects)
 
 
 def happened_in(planted: Row, spans: Spans) -> bool:
